@@ -1,10 +1,7 @@
-"""What was worked out from a clip before: kept on disk, and found again by what it followed from.
+"""Cache of measurement stages, keyed by clip, options, versions and sources.
 
-A key holds everything that a result depends on: the clip's own bytes, what was said of it, the
-versions of what worked it out, and the sources themselves, so that a change of the code is never
-answered with what the code before it found.
-
-`vision cache`: what is kept of clips measured before.
+A key holds everything a result depends on, including the source files, so that results of older
+code are never returned.
 """
 
 import hashlib
@@ -25,16 +22,16 @@ from typer.core import TyperGroup
 __all__ = ["CACHE_COMMANDS", "Cache", "CacheGroup", "clip_digest"]
 
 PACKAGES = ("calib", "metrology", "physics", "pipelines", "vision")
+"""Packages whose sources enter the key."""
 
 LIBRARIES = ("av", "numba", "numpy", "opencv-python-headless", "scikit-image", "scipy")
+"""Libraries whose versions enter the key."""
 
 LIMIT_BYTES = 1_000_000_000
-
-"""Bytes, about a thousand clips of 1 MB; the oldest entries go first."""
+"""Bytes, about a thousand clips of 1 MB (chosen); the oldest entries are removed first."""
 
 FOLDER_VARIABLE = "IMPACT_VISION_CACHE"
-
-"""Environment variable with the folder to use; "off" keeps nothing."""
+"""Environment variable with the cache folder; "off" disables the cache."""
 
 _SUFFIX = ".pickle"
 
@@ -43,13 +40,13 @@ _SUFFIX = ".pickle"
 class Cache:
     """A folder of results, safe for several processes at once.
 
-    Entries are written aside and then renamed, so that no reader sees half of one; one that can't
-    be read counts as missing.
+    Entries are written to a temporary file and renamed, so that no reader sees half of one.
+    Unreadable entries count as missing.
 
     Attributes
     ----------
     folder : Path or None
-        None keeps nothing.
+        None disables the cache.
     limit_bytes : int
     """
 
@@ -58,7 +55,7 @@ class Cache:
 
     @classmethod
     def of_user(cls, *, wanted: bool = True) -> Self:
-        """The user's own cache; one that keeps nothing where it is not wanted."""
+        """The user's cache; a disabled one if not `wanted`."""
         said = os.environ.get(FOLDER_VARIABLE, "")
         if not wanted or said == "off":
             return cls(None)
@@ -69,34 +66,34 @@ class Cache:
         return cls(user_cache_path("impact-vision", appauthor=False))
 
     def key(self, stage: str, *parts: object) -> str:
-        """Name of an entry: a digest of the stage, the code and everything it follows from.
+        """Name of an entry: a digest of the stage, the code and all inputs.
 
         Parameters
         ----------
         stage : str
-            What is kept.
+            Stage of the measurement.
         *parts : object
-            What it depends on; numbers, words and dataclasses of them: their `repr` tells it all.
+            Its inputs: numbers, strings and dataclasses of them, compared by their `repr`.
         """
         digest = hashlib.sha256(_code().encode())
         digest.update(repr((stage, parts)).encode())
         return f"{stage}-{digest.hexdigest()[:40]}"
 
     def get(self, key: str) -> Any | None:
-        """The entry of a key; None where there is none, or it can't be read."""
+        """Entry of a key; None if it is missing or unreadable."""
         path = self._path(key)
         if path is None:
             return None
         try:
             found = pickle.loads(path.read_bytes())
             os.utime(path)
-        # a damaged pickle may raise anything
+        # a damaged pickle may raise any exception
         except Exception:
             return None
         return found
 
     def put(self, key: str, value: object) -> None:
-        """Keep a value; a folder that can't be written to keeps nothing."""
+        """Store a value; do nothing if the folder can't be written."""
         path = self._path(key)
         if path is None:
             return
@@ -110,7 +107,7 @@ class Cache:
             return
 
     def clear(self) -> int:
-        """Remove every entry; how many bytes that freed."""
+        """Remove every entry; return the bytes freed."""
         freed = 0
         for path, size, _ in self._entries():
             path.unlink(missing_ok=True)
@@ -118,7 +115,7 @@ class Cache:
         return freed
 
     def size(self) -> int:
-        """Bytes that the entries take."""
+        """Size of all entries, bytes."""
         return sum(size for _, size, _ in self._entries())
 
     def _path(self, key: str) -> Path | None:
@@ -131,7 +128,7 @@ class Cache:
             try:
                 seen = path.stat()
             except OSError:
-                # another process has removed it meanwhile
+                # another process has removed it
                 continue
             yield path, seen.st_size, seen.st_mtime
 
@@ -159,7 +156,7 @@ def clip_digest(path: Path) -> str:
 
 @cache
 def _code() -> str:
-    """Versions, and when which source was last written: what a result may change with."""
+    """Digest of versions, sizes and modification times of everything that computes results."""
     digest = hashlib.sha256(sys.version.encode())
     for library in LIBRARIES:
         try:
@@ -180,19 +177,19 @@ class CacheGroup(TyperGroup):
 
 
 def show_command() -> None:
-    """Say where results are kept, and how much of the disk they take.
+    """Show the cache folder and its size.
 
     Example: vision cache show
     """
     kept = Cache.of_user()
     if kept.folder is None:
-        typer.echo(f"nothing is kept ({FOLDER_VARIABLE}=off)")
+        typer.echo(f"the cache is off ({FOLDER_VARIABLE}=off)")
         return
     typer.echo(f"{kept.folder}: {kept.size() / 1e6:.1f} MB of {kept.limit_bytes / 1e6:.0f} MB")
 
 
 def clear_command() -> None:
-    """Remove what is kept; every clip is then measured afresh.
+    """Empty the cache; every clip is then measured again.
 
     Example: vision cache clear
     """
@@ -200,5 +197,4 @@ def clear_command() -> None:
 
 
 CACHE_COMMANDS: dict[str, Callable[..., Any]] = {"show": show_command, "clear": clear_command}
-
 """Commands under `vision cache`, by name."""

@@ -1,7 +1,4 @@
-"""The command line: every command, one shell around them for errors and exit codes.
-
-A command's module is imported when the command is called, so that help and errors come at once.
-"""
+"""Command line: table of commands, each imported when it is called."""
 
 import atexit
 import functools
@@ -17,17 +14,17 @@ from pipelines.doors import DEBUG, guarded, loading
 
 __all__ = ["app"]
 
-# matrices are small here: threads inside a product wait for each other longer than they work
+# Matrices are small: threads inside one product cost more than they save.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# what a command imports stays: looking for waste among it after every 700 objects is in vain
+# Imported modules stay alive: frequent garbage collection among them finds nothing.
 gc.set_threshold(50_000)
-# nor is it looked through at the end, which takes a tenth of a second, a fifth after measuring
+# The collection at exit would take 0.1 to 0.2 s.
 atexit.register(gc.freeze)
 
 
 class _Command(NamedTuple):
-    """Where a command is, and the first line of its help; of a group, where its commands are."""
+    """Module and name of a command or group, and its one-line summary."""
 
     module: str
     name: str
@@ -50,7 +47,7 @@ _COMMANDS = {
     "contact-time": _Command(
         _MEASURE,
         "contact_time_command",
-        "How long mass and ball touch: frames counted, and the time between frames.",
+        "Contact time: contact frames counted, and the sub-frame value.",
     ),
     "launch": _Command(
         _MEASURE,
@@ -60,12 +57,12 @@ _COMMANDS = {
     "landing": _Command(
         _MEASURE,
         "landing_command",
-        "Where the ball lands, as read on the wall and corrected for projection.",
+        "Landing point and distance, read on the wall and corrected for projection.",
     ),
     "cor": _Command(
         _MEASURE,
         "cor_command",
-        "Coefficient of restitution estimated three ways, with their agreement.",
+        "Coefficient of restitution by three methods, with their agreement.",
     ),
     "simulate": _Command(
         "pipelines.model", "simulate_command", "Simulate a strike and the subsequent flight."
@@ -89,7 +86,7 @@ _COMMANDS = {
     "effects": _Command(
         "pipelines.explain.own_effects",
         "EFFECT_COMMANDS",
-        "Check effects of your own before they take part in explaining.",
+        "Check your own effects before vision explain uses them.",
         "EffectCommands",
     ),
     "render": _Command(
@@ -98,7 +95,7 @@ _COMMANDS = {
     "calibrate": _Command(
         "pipelines.calibrate.command",
         "CALIBRATE_COMMANDS",
-        "From pixels to metres: calibrate CLIP, a lens, a wall; has the camera moved.",
+        "From pixels to metres: calibrate a clip, a lens or a wall; check camera motion.",
         "ClipOrCommand",
     ),
     "convert": _Command(
@@ -109,36 +106,36 @@ _COMMANDS = {
     "cache": _Command(
         "pipelines.cache",
         "CACHE_COMMANDS",
-        "What is kept of clips measured before, so that they need not be followed again.",
+        "Show or clear the cache of earlier measurements.",
         "CacheGroup",
     ),
     "campaign": _Command(
         "pipelines.campaign.command",
         "CAMPAIGN_COMMANDS",
-        "A folder of clips to a law of restitution: campaign CLIPS, its status, bad trials.",
+        "Measure a folder of clips and fit a law of restitution; status; bad trials.",
         "ClipsOrCommand",
     ),
 }
 
 
 class _LazyGroup(TyperGroup):
-    """A group that imports a command when it is called, and none to list them."""
+    """A group that imports a command only when it is called."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
-        # what is offered where a name is mistyped comes from here
+        # click suggests corrections of a mistyped command from these names
         self.commands: Any = dict.fromkeys(_COMMANDS)
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """The commands' names, in the table's order."""
+        """Names of the commands, in the order of the table."""
         return list(_COMMANDS)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """The command; None where there is none of this name."""
+        """Command of this name; None if there is none."""
         return _loaded(cmd_name) if cmd_name in _COMMANDS else None
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """List the commands with their summaries, as the table has them."""
+        """List the commands with their summaries."""
         room = formatter.width - 6 - max(map(len, _COMMANDS))
         with formatter.section("Commands"):
             formatter.write_dl(
@@ -154,7 +151,7 @@ def _shortened(text: str, length: int) -> str:
 
 @functools.cache
 def _loaded(name: str) -> Any:
-    """The command or group of a name, imported now."""
+    """Import the command or group of this name."""
     command = _COMMANDS[name]
     with loading():
         module = import_module(command.module)
@@ -208,7 +205,7 @@ def _main(
         False, "--version", callback=_version, is_eager=True, help="Print the version and stop."
     ),
     debug: bool = typer.Option(
-        False, "--debug", help="Show the traceback where numbers can't be fitted."
+        False, "--debug", help="Show the traceback when a fit fails numerically."
     ),
 ) -> None:
     if debug:

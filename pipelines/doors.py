@@ -1,9 +1,7 @@
-"""The doors of every command: which files it writes, and how whatever stops it is told.
+"""Command wrapper and shared options: file checks, messages and exit codes.
 
-What can be refused is refused before the work begins: an output that can't be written, that is an
-input, or that two options name.
-
-Options that several commands take, each declared once: what it is called, and what it says.
+Output files are checked before the work begins: an output must be writable, must not be an input,
+and must not be named by two options.
 """
 
 import errno
@@ -64,9 +62,9 @@ __all__ = [
 ]
 
 DEBUG = "IMPACT_VISION_DEBUG"
-"""Environment: set, a numerical failure keeps its traceback; ``vision --debug`` sets it."""
+"""Environment variable: keep the traceback of a numerical failure (set by ``vision --debug``)."""
 
-_ABOUT_FILES = frozenset(
+_FILE_ERRORS = frozenset(
     {
         errno.ENOENT,
         errno.EACCES,
@@ -81,23 +79,23 @@ _ABOUT_FILES = frozenset(
         errno.ENXIO,
     }
 )
-"""What the system says of files that people name, or of disks: no bug of ours."""
+"""System errors about named files or disks; they are the user's to fix, not bugs."""
 
 _NUMERICAL_LIBRARIES = frozenset({"numpy", "scipy"})
-"""What they refuse with a ValueError of their own is no number or no optimum."""
+"""Libraries whose own ValueError means that the numbers can't be fitted."""
 
-_ENDED_BY_SIGNAL = 128
-"""Exit codes of a process that a signal ended start here (POSIX shells)."""
+_SIGNAL_EXIT_CODE = 128
+"""Offset of the exit code of a process ended by a signal (POSIX shells)."""
 
 
 class FileRole(Enum):
-    """What a command does with the file of an option; stands in the option's annotation."""
+    """Role of the file of an option, stored in the option's annotation."""
 
     WRITES = "writes"
 
 
 def guarded(command: Callable[..., None]) -> Callable[..., None]:
-    """Check a command's files, and turn what stops it into a message and the contract's exit code.
+    """Wrap a command: check its files first; map exceptions to messages and exit codes.
 
     Parameters
     ----------
@@ -107,8 +105,8 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
     Returns
     -------
     callable
-        Raises ``typer.Exit`` instead of the project's errors, of a full disk, a closed pipe, an
-        interrupt (130), and of numbers that no fit can be made of (4).
+        Raises ``typer.Exit`` for the project's errors, a full disk, a closed pipe, an interrupt
+        (130) and numbers that can't be fitted (4).
     """
     from metrology import ImpactVisionError
     from metrology.files import shown_path
@@ -129,23 +127,23 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
         except ImpactVisionError as problem:
             end(str(problem), problem.exit_code)
         except KeyboardInterrupt:
-            raise typer.Exit(_ENDED_BY_SIGNAL + signal.SIGINT) from None
+            raise typer.Exit(_SIGNAL_EXIT_CODE + signal.SIGINT) from None
         except BrokenPipeError:
             _silence_stdout()
-            raise typer.Exit(_ENDED_BY_SIGNAL + signal.SIGPIPE) from None
+            raise typer.Exit(_SIGNAL_EXIT_CODE + signal.SIGPIPE) from None
         except OSError as problem:
             if problem.errno in (errno.ENOSPC, errno.EDQUOT):
                 _silence_stdout()
-                end(f"the disk is full: {problem.strerror}\nMake room and ask again.", 2)
-            if problem.filename is None or problem.errno not in _ABOUT_FILES:
+                end(f"the disk is full: {problem.strerror}\nFree some space and run it again.", 2)
+            if problem.filename is None or problem.errno not in _FILE_ERRORS:
                 raise
             end(
                 f"can't use {shown_path(problem.filename)}: {problem.strerror}\n"
-                "Check the name, and that you may read or write there.",
+                "Check the name and the permissions of the file and its folder.",
                 2,
             )
         except MemoryError:
-            end(f"there is not enough memory{_limit_told()}\n{_MORE_MEMORY}", 2)
+            end(f"there is not enough memory{_limit_text()}\n{_MEMORY_HINT}", 2)
         except (ArithmeticError, ValueError) as problem:
             if not _is_numerical(problem):
                 raise
@@ -157,13 +155,13 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-_MORE_MEMORY = "A clip needs about a gigabyte: raise the limit (ulimit -v)."
-_LITTLE_MEMORY = 1 << 30
-"""Bytes of address space below which the libraries themselves may not fit."""
+_MEMORY_HINT = "A clip needs about a gigabyte: raise the limit (ulimit -v)."
+_MIN_MEMORY_LIMIT = 1 << 30
+"""Bytes; smaller limits on address space may not hold the libraries themselves."""
 
 
 def _memory_limit() -> int | None:
-    """Bytes of address space that this process may have; None where nothing limits it."""
+    """Limit of this process's address space, bytes; None if there is none."""
     try:
         import resource
     except ImportError:
@@ -172,34 +170,34 @@ def _memory_limit() -> int | None:
     return None if limit == resource.RLIM_INFINITY else int(limit)
 
 
-def _limit_told() -> str:
+def _limit_text() -> str:
     limit = _memory_limit()
-    return "" if limit is None else f": the process may have {limit >> 20} MiB"
+    return "" if limit is None else f": this process is limited to {limit >> 20} MiB"
 
 
 @contextmanager
 def loading() -> Iterator[None]:
-    """Tell libraries that do not fit into a limit of memory from libraries that are not there.
+    """Distinguish libraries that exceed a memory limit from libraries that are missing.
 
     Raises
     ------
     typer.Exit
-        With code 2, after saying so; an ImportError without such a limit stays one.
+        With code 2 and a message; without such a limit an ImportError is raised as it is.
     """
     try:
         yield
     except (ImportError, MemoryError):
         limit = _memory_limit()
-        if limit is None or limit > _LITTLE_MEMORY:
+        if limit is None or limit > _MIN_MEMORY_LIMIT:
             raise
-        typer.echo(f"vision: the libraries do not fit{_limit_told()}\n{_MORE_MEMORY}", err=True)
+        typer.echo(f"vision: loading the libraries failed{_limit_text()}\n{_MEMORY_HINT}", err=True)
         raise typer.Exit(2) from None
 
 
 def _is_numerical(problem: Exception) -> bool:
-    """Whether numbers failed, not the program: singular, not finite, without an optimum.
+    """Whether a numerical operation failed: singular, not finite, no optimum.
 
-    A ValueError counts only where a numerical library itself raised it about its arguments.
+    A ValueError counts only if a numerical library raised it.
     """
     from numpy.linalg import LinAlgError
 
@@ -217,20 +215,20 @@ def _no_fit(problem: Exception) -> "MeasurementError":
 
     return NoFitError(
         f"these numbers can't be fitted: {problem}",
-        hint="Look at the input as a plot: are the columns, units and times what they should be? "
-        "vision --debug and the same words show where it stopped.",
+        hint="Plot the input: check columns, units and times. Run the same command as vision "
+        "--debug COMMAND to see the traceback.",
     )
 
 
 def refuse_clashes(outputs: Mapping[str, Path], inputs: Iterable[Path | None]) -> None:
-    """Refuse files that can't be written, that are read, or that are named twice.
+    """Refuse outputs that can't be written, that are also inputs, or that are named twice.
 
     Parameters
     ----------
     outputs : mapping
-        What people typed ("--csv") → the file.
+        Option as typed ("--csv") → file.
     inputs : iterable of Path or None
-        What is read; it need not be there.
+        Files that are read; they need not exist.
 
     Raises
     ------
@@ -244,14 +242,14 @@ def refuse_clashes(outputs: Mapping[str, Path], inputs: Iterable[Path | None]) -
         refuse_unwritable(path)
         if any(path.exists() and path.samefile(given) for given in read):
             raise UsageError(
-                f"{option} {path}: that file is read, and can't be written, too",
-                hint="Name another file to write.",
+                f"{option} {path}: the same file is an input",
+                hint="Name another file for the output.",
             )
         place = os.path.realpath(path)
         if place in taken and (os.path.isfile(path) or not os.path.lexists(path)):
             raise UsageError(
                 f"{path} is named twice: for {taken[place]} and for {option}",
-                hint="One would overwrite the other; name two files.",
+                hint="One would overwrite the other. Name two files.",
             )
         taken[place] = option
 
@@ -278,20 +276,20 @@ def _check_files(command: Callable[..., None], options: Mapping[str, Any]) -> No
 
 
 def _option(name: str, described: tuple[Any, ...]) -> str:
-    """What people type for a parameter: ``--csv``."""
+    """Option as typed for a parameter: ``--csv``."""
     typed = [word for one in described for word in getattr(one, "param_decls", ())]
     return next((word for word in typed if word.startswith("--")), f"--{name.replace('_', '-')}")
 
 
 @contextmanager
 def _tidy_when_terminated() -> Iterator[None]:
-    """Let a SIGTERM unwind the stack, so that temporary files go."""
+    """Turn SIGTERM into SystemExit, so that temporary files are removed."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
 
     def unwind(number: int, frame: FrameType | None) -> None:
-        raise SystemExit(_ENDED_BY_SIGNAL + number)
+        raise SystemExit(_SIGNAL_EXIT_CODE + number)
 
     before = signal.signal(signal.SIGTERM, unwind)
     try:
@@ -301,7 +299,7 @@ def _tidy_when_terminated() -> Iterator[None]:
 
 
 def _silence_stdout() -> None:
-    """Keep the interpreter from flushing once more, at its end, what can't be written."""
+    """Redirect stdout to the null device: flushing at exit would fail again."""
     with suppress(io.UnsupportedOperation), open(os.devnull, "wb") as nothing:
         os.dup2(nothing.fileno(), sys.stdout.fileno())
 
@@ -310,17 +308,17 @@ ClipArgument = Annotated[Path, typer.Argument(metavar="CLIP", help="Video or fol
 ClipsOrNoneArgument = Annotated[
     list[Path] | None, typer.Argument(metavar="CLIP...", help="Videos to measure.")
 ]
-SetupOption = Annotated[Path | None, typer.Option("--setup", help="What the lab knows (TOML).")]
+SetupOption = Annotated[Path | None, typer.Option("--setup", help="Setup file of the lab (TOML).")]
 FpsOption = Annotated[str | None, typer.Option("--fps", help="Capture rate, such as 600.")]
 BallOption = Annotated[
-    str | None, typer.Option("--ball", help="jokku, basketball, or a diameter such as 220mm.")
+    str | None, typer.Option("--ball", help="jokku, basketball, or a diameter, such as 220mm.")
 ]
 GridOption = Annotated[
-    str | None, typer.Option("--wall-grid", help="Side of the wall's squares, such as 50mm.")
+    str | None, typer.Option("--wall-grid", help="Side of the wall's grid squares, such as 50mm.")
 ]
 ScaleOption = Annotated[
     str | None,
-    typer.Option("--scale", help="In the plane of motion: '2.44 mm/px', '410 px/m ± 2 px/m'."),
+    typer.Option("--scale", help="Scale in the plane of motion: 2.44 mm/px, 410 px/m ± 2 px/m."),
 ]
 BallAtOption = Annotated[
     str | None, typer.Option("--ball-at", metavar="X,Y[,FRAME]", help="A point on the ball, px.")
@@ -345,26 +343,26 @@ PlotOption = Annotated[
 ]
 ReportOption = Annotated[
     Path | None,
-    typer.Option("--report", help="Write a one-page HTML report; prints the budgets, too."),
+    typer.Option("--report", help="Write a one-page HTML report; also prints the budgets."),
     FileRole.WRITES,
 ]
 OutOption = Annotated[
     Path | None,
-    typer.Option("--out", metavar="DIR", help="Several clips: a folder for results.csv and files."),
+    typer.Option("--out", metavar="DIR", help="Folder for results.csv and the files of each clip."),
 ]
 JobsOption = Annotated[
-    int | None, typer.Option("-j", min=1, help="With --out: processes; default one a core.")
+    int | None, typer.Option("-j", min=1, help="With --out: number of processes; default: cores.")
 ]
 FromTracksOption = Annotated[
     Path | None,
-    typer.Option("--from-tracks", help="Tracks of another program instead of following the clip."),
+    typer.Option("--from-tracks", help="Read tracks of another program; do not track the clip."),
 ]
 ColumnsOption = Annotated[
     str | None,
-    typer.Option("--columns", help="Of such a table: 't=Time (s), x=X (cm), y=Y (cm), ball=A'."),
+    typer.Option("--columns", help="Columns of that table: 't=Time (s), x=X (cm), y=Y (cm)'."),
 ]
 NoCacheOption = Annotated[
-    bool, typer.Option("--no-cache", help="Measure afresh, whatever was measured before.")
+    bool, typer.Option("--no-cache", help="Measure again; ignore earlier results.")
 ]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No table, no warnings.")]
 ResultsJsonOption = Annotated[

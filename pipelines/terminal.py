@@ -1,7 +1,4 @@
-"""What people read on a terminal: words as they are, never taken for markup or for commands.
-
-Groups of commands in which one is meant where none is named: `vision campaign CLIPS`.
-"""
+"""Terminal output without markup, and command groups with a default command."""
 
 from collections.abc import Mapping
 from typing import Any, ClassVar
@@ -13,9 +10,8 @@ from typer.core import TyperGroup
 
 __all__ = ["DefaultCommandGroup", "screen"]
 
-NARROWEST = 40
-
-"""Columns of a terminal below which a table has no room (some shells say COLUMNS=0)."""
+MIN_WIDTH_COLUMNS = 40
+"""Minimum terminal width for a table, columns (chosen; some shells report COLUMNS=0)."""
 
 _SHOWN = {code: f"\\x{code:02x}" for code in (*range(32), 127, *range(128, 160))}
 
@@ -24,14 +20,14 @@ for _kept in "\n\t":
 
 
 class _Screen(Console):
-    """A console on which control characters of names and files are shown, not obeyed."""
+    """A console that shows control characters of names and files as escapes."""
 
     def render_str(self, text: str, **how: Any) -> Text:
         return super().render_str(text.translate(_SHOWN), **how)
 
 
 def screen(*, errors: bool = False) -> Console:
-    r"""A console on which brackets and colons of names and messages stay what they are.
+    r"""Console that prints names and messages literally.
 
     Parameters
     ----------
@@ -41,11 +37,11 @@ def screen(*, errors: bool = False) -> Console:
     Returns
     -------
     Console
-        Tables printed on it take their cells literally, too: ``[support]`` is a word, and an
-        escape sequence is shown as ``\x1b``.
+        Table cells are literal, too: ``[support]`` stays as it is, and an escape character is
+        shown as ``\x1b``.
     """
     console = _Screen(stderr=errors, markup=False, emoji=False, highlight=False)
-    console.width = max(console.width, NARROWEST)
+    console.width = max(console.width, MIN_WIDTH_COLUMNS)
     return console
 
 
@@ -53,16 +49,16 @@ _HELP = frozenset({"--help", "-h"})
 
 
 class DefaultCommandGroup(TyperGroup):
-    """A group whose first word may also be an argument of one of its commands.
+    """A group with a default command, whose first argument may follow the group's name directly.
 
     Attributes
     ----------
     meant : str
-        The command that is meant then.
+        The default command.
     spelled : mapping of str to str
-        First words that stand for a command of another name.
+        First words that select a command of another name.
     asks_for_help : bool
-        Whether ``--help``, or no word at all, is about the group instead of the command.
+        Whether ``--help``, or no argument, refers to the group instead of the default command.
     """
 
     meant: ClassVar[str] = ""
@@ -70,7 +66,7 @@ class DefaultCommandGroup(TyperGroup):
     asks_for_help: ClassVar[bool] = True
 
     def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
-        """Put the command's name in where it is left out."""
+        """Insert the name of the default command where it is missing."""
         first = args[0] if args else None
         about_group = self.asks_for_help and (first is None or first in _HELP)
         if first is not None and first in self.spelled:

@@ -1,15 +1,10 @@
-"""The door of the local page: who may come in, and when the house is empty.
+"""Local web page: access control, background jobs and the server.
 
-The page is bound to 127.0.0.1, but other programs, other users and web pages in the same browser
-reach that too. So: a token in the address that works once and is exchanged for a cookie; requests
-only under the page's own name (against DNS rebinding) and from the page itself (against other
-sites); one window at a time.
-
-What runs in the browser: it lets no click be lost while a step is drawn anew.
-
-Work behind the page: one piece after another, so that the page never waits and never races.
-
-Serving a page on 127.0.0.1 until its window is closed.
+The page is bound to 127.0.0.1, but other programs, users and web pages in the same browser can send
+requests there. Protection: a one-time token in the address is exchanged for a cookie; requests must
+use the page's own host name (against DNS rebinding) and origin (against other sites); only one
+window may be open. A script in the browser keeps clicks and text while the page is redrawn. Jobs
+run one after another on a thread, so that the page stays responsive and jobs never race.
 """
 
 import asyncio
@@ -35,8 +30,7 @@ from metrology import ImpactVisionError, UsageError
 __all__ = ["GRACE_S", "HOLD", "RELEASE", "SCRIPT", "Guard", "Jobs", "serve_app"]
 
 LEAVING_PATH = "/leaving"
-
-"""Where a window tells that it is being closed or reloaded."""
+"""Path to which a window reports that it is being closed or reloaded."""
 
 SCRIPT = (
     """<script>(() => {
@@ -48,7 +42,7 @@ on("focusin", event => {
   page.focus = at ? at.dataset.test : null;
 });
 for (const name of ["pointerdown", "keydown"]) on(name, () => { page.pressed = true; });
-// not before the click that this makes has been told
+// reset only after the click event of this press
 for (const name of ["pointerup", "pointercancel", "keyup"])
   on(name, () => setTimeout(() => { page.pressed = false; }, 0));
 window.addEventListener("blur", () => { page.pressed = false; });
@@ -58,7 +52,7 @@ on("click", event => {
   event.stopImmediatePropagation();
   event.preventDefault();
 });
-// what is typed after the page was held goes into a field that is about to be replaced
+// text typed while the page is held belongs to a field that is about to be replaced
 on("input", event => {
   if (page.held === null || event.target.dataset.told === undefined) return;
   page.typed.set(named(event.target).dataset.test, {text: event.target.value, sent: false});
@@ -67,7 +61,7 @@ const sends = event => {
   const at = event.target;
   if (page.held === null || !at.dataset || at.dataset.told === undefined) return;
   const typed = page.typed.get(named(at).dataset.test);
-  // a field that is left for another; one that is taken away is left for none
+  // only leaving for another field counts; a removed field has no related target
   const left = event.type === "focusout" && event.relatedTarget !== null;
   if (typed && (left || event.key === "Enter")) typed.sent = true;
 };
@@ -77,7 +71,7 @@ const retype = (test, typed) => {
   const root = document.querySelector(`[data-test="${test}"]`);
   const at = root && (root.matches("input") ? root : root.querySelector("input"));
   if (!at || at.value === typed.text) return;
-  // as a hand would: what keeps the page's state listens to these
+  // the page's state listens to these events
   at.value = typed.text;
   at.dispatchEvent(new Event("input", {bubbles: true}));
   if (!typed.sent) return;
@@ -85,7 +79,7 @@ const retype = (test, typed) => {
   at.dispatchEvent(new KeyboardEvent("keydown", enter));
   at.dispatchEvent(new KeyboardEvent("keyup", enter));
 };
-// what is where the other was: the same kind of element with the same text
+// element of the new page in place of an old one: same kind and text
 const successor = old => {
   if (document.contains(old)) return old;
   const root = document.querySelector(`[data-test="${named(old).dataset.test}"]`);
@@ -117,17 +111,14 @@ page.release = () => {
 window.addEventListener("beforeunload", () => navigator.sendBeacon("LEAVING"));
 })()</script>"""
 ).replace("LEAVING", LEAVING_PATH)
-
-"""Clicks that fall into a redrawing are held back and made again on what is drawn then; what is
-typed meanwhile is typed again, and sent if it was."""
+"""Browser script: clicks during a redraw are held and repeated on the new elements; text typed
+meanwhile is typed again, and submitted if it was."""
 
 HOLD = "window.wizard.hold()"
-
-"""Hold clicks back; false, and nothing held, while something is pressed, open or being typed."""
+"""Hold clicks; false, and nothing held, while something is pressed, open or being typed."""
 
 RELEASE = "setTimeout(window.wizard.release, 30)"
-
-"""Once the step is drawn anew: give the focus back and make the clicks that were held back."""
+"""After the redraw: restore the focus and repeat the held clicks."""
 
 Scope = MutableMapping[str, Any]
 
@@ -142,20 +133,16 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 HOSTS = ("127.0.0.1", "localhost")
 
 RELOAD_S = 2.5
-
-"""s that a window that is being reloaded may still seem to be there: a browser takes less."""
+"""s that a reloading window may still seem open (chosen; browsers need less)."""
 
 LEAVING_S = 20.0
-
-"""s that a window that said it goes may take to be gone: then it is taken to have stayed."""
+"""s within which a leaving window must be gone (chosen); later it counts as open again."""
 
 RETRY_S = 2
-
-"""How long a refused window waits before it asks again."""
+"""s until a refused window asks again (chosen)."""
 
 POLICY = 1008
-
-"""WebSocket: closed because a rule was broken (RFC 6455, 7.4.1)."""
+"""WebSocket close code of a policy violation (RFC 6455, 7.4.1)."""
 
 HEADERS = (
     (b"x-frame-options", b"DENY"),
@@ -165,19 +152,19 @@ HEADERS = (
 
 
 class Guard:
-    """ASGI middleware around the page.
+    """ASGI middleware that admits one window of one browser.
 
     Parameters
     ----------
     app : ASGI application
     port : int
-        Where the page is served.
+        Port of the page.
     token : str, optional
-        One is drawn if not given.
+        Drawn at random if not given.
     reload_s : float
-        How long a second window waits for the first to go before it is refused, s.
+        How long a second window waits for the first to close before it is refused, s.
     what, command : str
-        What the page is, and what starts it, for who is refused.
+        Name of the page, and the command that starts it, for the refusal.
     """
 
     def __init__(
@@ -208,15 +195,15 @@ class Guard:
 
     @property
     def windows(self) -> int:
-        """Windows that are open."""
+        """Number of open windows."""
         return self._windows
 
     def empty_for(self) -> float:
-        """Seconds since the last window went, 0 while there is one or none came yet."""
+        """Seconds since the last window closed; 0 while one is open or none was opened yet."""
         return 0.0 if self._windows or not self._seen else time.monotonic() - self._left_at
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Let in what belongs here, refuse the rest."""
+        """Admit the page's own requests and refuse all others."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
         elif scope["type"] == "websocket":
@@ -240,15 +227,15 @@ class Guard:
                 send,
                 403,
                 f"This address does not open the {self._what}",
-                "Its key is missing, or was used before: a key opens one browser, once. Use the "
-                "whole address that the terminal shows; to use another browser, start "
+                "Its key is missing or was already used: a key admits one browser, once. Open the "
+                "whole address shown in the terminal. To use another browser, start "
                 f"'{self._command}' again.",
             )
 
     async def _guest(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["path"] == LEAVING_PATH and scope["method"] == "POST":
             self._leaving_until = time.monotonic() + LEAVING_S
-            # without a body: what follows on the same connection would be taken for it
+            # a body would be read as the next request on the same connection
             await send({"type": "http.response.start", "status": 204, "headers": [*HEADERS]})
             await send({"type": "http.response.body", "body": b""})
         elif scope["path"] != "/":
@@ -263,8 +250,8 @@ class Guard:
                 send,
                 409,
                 f"The {self._what} is open in another window",
-                "Go on there, or close it: then it goes on here by itself. Nothing is lost by "
-                "that.",
+                "Continue there, or close that window: this one then opens by itself. No work is "
+                "lost.",
                 [(b"refresh", str(RETRY_S).encode())],
             )
 
@@ -284,10 +271,10 @@ class Guard:
             self._left_at = time.monotonic()
 
     async def _vacant(self, *, but_leaving: bool = False) -> bool:
-        """Whether no window is open, waiting a little for one that is being reloaded.
+        """Whether no window is open; waits shortly for one that is reloading.
 
-        A browser keeps the old page, and its connection, until it has the new one: a window that
-        said it goes counts as gone for the page, though not for the connection.
+        A browser keeps the old page and its connection until it has the new one: a window that
+        reported leaving counts as closed for the page, but not for the connection.
         """
         until = time.monotonic() + self._reload_s
         while self._windows and time.monotonic() < until:
@@ -297,13 +284,13 @@ class Guard:
         return not self._windows
 
     def _foreign(self, scope: Scope, *, strict: bool) -> str:
-        """Why a request does not come from the page itself, empty if it does."""
+        """Why a request does not come from the page itself; empty if it does."""
         hosts = list(_values(scope, b"host"))
         if len(hosts) != 1 or hosts[0] not in self._hosts:
-            return f"This page answers only under http://{self._hosts[0]}/."
+            return f"Open this page at http://{self._hosts[0]}/."
         origins = list(_values(scope, b"origin"))
         if (strict and not origins) or any(origin not in self._origins for origin in origins):
-            return "Another page asked for this one; open it by its own address."
+            return "Another page made this request. Open this page at its own address."
         return ""
 
     def _has_cookie(self, scope: Scope) -> bool:
@@ -317,7 +304,7 @@ class Guard:
         return False
 
     def _takes_token(self, scope: Scope) -> bool:
-        """Whether the request brings the token; it is used up then."""
+        """Whether the request carries the token, which is then used up."""
         given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [])
         if scope["path"] != "/" or scope["method"] != "GET" or self._token is None or not given:
             return False
@@ -366,14 +353,14 @@ async def _answer(
 
 
 class Jobs:
-    """Pieces of work done in the order they come in, on a thread that ends with the program.
+    """Jobs run in order on a thread that ends with the program.
 
     Attributes
     ----------
     problem : str
-        Why the last piece did not succeed; empty if it did.
+        Why the last job failed; empty if it succeeded.
     revision : int
-        Grows whenever something begins or ends.
+        Increases whenever a job begins or ends.
     """
 
     def __init__(self) -> None:
@@ -386,12 +373,12 @@ class Jobs:
 
     @property
     def busy(self) -> str:
-        """What is being done, empty if nothing is."""
+        """Label of the running job; empty if there is none."""
         with self._lock:
             return self._now or (self._waiting[0][0] if self._waiting else "")
 
     def submit(self, label: str, job: Callable[[], object]) -> None:
-        """Do `job` when all before it is done; errors raised on purpose end up in `problem`."""
+        """Queue `job`; the project's errors end up in `problem`."""
         with self._lock:
             self._waiting.append((label, job))
             self.revision += 1
@@ -408,7 +395,7 @@ class Jobs:
                 except ImpactVisionError as problem:
                     self.problem = problem.in_one_line
         finally:
-            # also where a bug ends the thread: the next piece starts another
+            # also after a bug: the next job then starts a new thread
             with self._lock:
                 self._thread, self._now = None, ""
                 self.revision += 1
@@ -417,7 +404,7 @@ class Jobs:
         with self._lock:
             self.revision += 1
             if not self._waiting:
-                # nobody may believe the thread alive once it has seen that nothing waits
+                # cleared under the lock: submit must not rely on a thread that is about to end
                 self._thread, self._now = None, ""
                 return None
             self._now, job = self._waiting.popleft()
@@ -425,8 +412,9 @@ class Jobs:
 
 
 GRACE_S = 8.0
-"""s that nobody may look before the program ends: a reload on a slow machine takes less."""
-LOOK_EVERY_S = 0.5
+"""s without a window after which the program ends (chosen; a reload takes less)."""
+POLL_INTERVAL_S = 0.5
+"""s between two checks for open windows (chosen)."""
 
 
 def serve_app(
@@ -439,21 +427,21 @@ def serve_app(
     what: str = "calibration",
     command: str = "vision calibrate",
 ) -> None:
-    """Serve a page behind the guard until its window is closed or the program is interrupted.
+    """Serve a page until its window is closed or the program is interrupted.
 
     Parameters
     ----------
     app : FastAPI
     opened : callable
-        Called with the address once it answers.
+        Called with the address once the server answers.
     port : int
-        0 for one that is free.
+        0 selects a free port.
     grace_s : float
-        How long the page may be closed before this returns, s.
+        How long the page may stay closed before this returns, s.
     stopper : callable
-        Is given what ends the page.
+        Called with a function that stops the server.
     what, command : str
-        What the page is, and what starts it, for who is refused.
+        Name of the page, and the command that starts it, for refused windows.
 
     Raises
     ------
@@ -462,8 +450,8 @@ def serve_app(
     KeyboardInterrupt
         If the user interrupts.
     """
-    door = _listening(port)
-    guard = Guard(app, door.getsockname()[1], what=what, command=command)
+    listener = _listening(port)
+    guard = Guard(app, listener.getsockname()[1], what=what, command=command)
     config = uvicorn.Config(
         guard,
         lifespan="on",
@@ -474,13 +462,13 @@ def serve_app(
     )
     server = _Server(config)
     stopper(lambda: _stop(server))
-    asyncio.run(_until_left(server, guard, door, opened, grace_s))
+    asyncio.run(_until_left(server, guard, listener, opened, grace_s))
     if server.interrupted:
         raise KeyboardInterrupt
 
 
 class _Server(uvicorn.Server):
-    """Remembers an interrupt: raised again, it is lost where the shell has it ignored."""
+    """Record SIGINT; re-raising it would be lost when the parent shell ignores the signal."""
 
     interrupted = False
 
@@ -490,16 +478,17 @@ class _Server(uvicorn.Server):
 
 
 def _listening(port: int) -> socket.socket:
-    door = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     try:
-        door.bind(("127.0.0.1", port))
+        listener.bind(("127.0.0.1", port))
     except OSError as problem:
-        door.close()
+        listener.close()
         raise UsageError(
-            f"port {port} can't be had: {problem.strerror}", hint="Leave --port out."
+            f"port {port} is not available: {problem.strerror}",
+            hint="Omit --port to use a free one.",
         ) from problem
-    door.listen()
-    return door
+    listener.listen()
+    return listener
 
 
 def _stop(server: uvicorn.Server) -> None:
@@ -509,17 +498,17 @@ def _stop(server: uvicorn.Server) -> None:
 async def _until_left(
     server: uvicorn.Server,
     guard: Guard,
-    door: socket.socket,
+    listener: socket.socket,
     opened: Callable[[str], None],
     grace_s: float,
 ) -> None:
-    serving = asyncio.create_task(server.serve(sockets=[door]))
+    serving = asyncio.create_task(server.serve(sockets=[listener]))
     while not server.started and not serving.done():
         await asyncio.sleep(0.02)
     if not serving.done():
         opened(guard.address)
     while not serving.done():
-        await asyncio.wait({serving}, timeout=LOOK_EVERY_S)
+        await asyncio.wait({serving}, timeout=POLL_INTERVAL_S)
         if guard.empty_for() > grace_s:
             _stop(server)
     await serving

@@ -1,1 +1,1 @@
-"""What a notebook calls: the same work as the commands, results as objects that show themselves."""
+"""Python interface: the work of the commands, with results for notebooks."""

@@ -1,4 +1,4 @@
-"""`explain`: where simulation and recording differ, and what physics was left out."""
+"""`explain`: where simulation and data disagree, and which physics is missing."""
 
 import os
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from pipelines.api.quantities import SetupLike, setup_from
 from pipelines.explain.campaign import explain_files_in_full, explain_table_file
 from pipelines.explain.report import figure_of, verdict_html, write_explain_report
 from pipelines.explain.tabular import TableLike
-from pipelines.setup.tables import told_values
+from pipelines.setup.tables import checked_values
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,7 +25,7 @@ __all__ = ["Verdict", "explain"]
 
 
 class Verdict:
-    """The engine's answer; it prints itself.
+    """The engine's answer, printable.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class Verdict:
     Attributes
     ----------
     answer : mismatch.EngineVerdict
-        Location, effects, alternatives, held-out test and what remains, as dataclasses.
+        Location, effects, alternatives, held-out test and remainder, as dataclasses.
     """
 
     def __init__(self, explained: Explained | TableExplained) -> None:
@@ -44,16 +44,16 @@ class Verdict:
 
     @property
     def verdict(self) -> str:
-        """In one word: no_mismatch, explained, ambiguous or unexplained."""
+        """One of no_mismatch, explained, ambiguous, unexplained."""
         return str(self.to_dict()["verdict"])
 
     @property
     def effects(self) -> dict[str, float]:
-        """Ids of what was left out, strongest first, with their probabilities."""
+        """Ids of the missing effects, strongest first, with their probabilities."""
         return {effect.id: effect.probability for effect in self.answer.effects}
 
     def to_dict(self) -> dict[str, Any]:
-        """The contract's JSON of `vision explain`."""
+        """JSON document of `vision explain` (contract)."""
         return self.answer.to_json()
 
     def plot(self) -> "Picture":
@@ -61,7 +61,7 @@ class Verdict:
         return figure_of(self._explained)
 
     def report(self, path: str | os.PathLike[str]) -> Path:
-        """Write the story as one HTML page."""
+        """Write the one-page HTML report."""
         out = Path(path)
         write_explain_report(self._explained, out)
         return out
@@ -73,7 +73,7 @@ class Verdict:
         return verdict_html(self.answer)
 
 
-@told_values
+@checked_values
 def explain(
     *,
     balls: "pd.DataFrame | str | os.PathLike[str] | None" = None,
@@ -83,7 +83,7 @@ def explain(
     hold_out: Sequence[str] = (),
     effects: Sequence[Effect] | str | os.PathLike[str] = (),
 ) -> Verdict:
-    """Find where simulation and recording differ and what physics was left out.
+    """Find where simulation and data disagree and name the missing physics.
 
     Parameters
     ----------
@@ -95,11 +95,11 @@ def explain(
     trials : DataFrame or path, optional
         Instead of samples, a few numbers per trial: impact speed, ball speed, range.
     setup : Setup or path
-        What the model already knows.
+        Baseline model and apparatus.
     hold_out : sequence of str
-        Names of trials to keep out of the fit; default the engine's own split.
+        Trials to keep out of the fit; by default the engine chooses.
     effects : sequence of Effect, or path
-        Effects of your own, or a Python file with them.
+        Your own effects, or a Python file with them.
 
     Returns
     -------
@@ -108,9 +108,9 @@ def explain(
     Raises
     ------
     UsageError
-        For tables that don't hold what is needed.
+        For tables that lack what is needed.
     TooLittleDataError
-        If there is too little to tell.
+        If there are too few data.
     """
     known = setup_from(setup)
     own = Path(effects) if isinstance(effects, str | os.PathLike) else tuple(effects)
@@ -123,7 +123,7 @@ def explain(
         if balls is not None or pendulum is not None:
             raise UsageError(
                 "explain takes samples or a table of trials, not both",
-                hint="Leave `trials` away, or `balls` and `pendulum`.",
+                hint="Omit `trials`, or `balls` and `pendulum`.",
             )
         return Verdict(explain_table_file(_table(trials), known, held, own))
     return Verdict(
@@ -141,5 +141,5 @@ def _table(given: "pd.DataFrame | str | os.PathLike[str]") -> TableLike:
     if isinstance(given, str | os.PathLike):
         return Path(given)
     if not hasattr(given, "columns"):
-        raise UsageError(f"{given!r} is no table", hint="Give a DataFrame, or the path of a table.")
+        raise UsageError(f"{given!r} is no table", hint="Pass a DataFrame or the path of a table.")
     return cast("TableLike", given)

@@ -1,11 +1,4 @@
-"""`measure`: one clip to a measurement that prints, plots and reports itself.
-
-`Clip`: a recording as an iterable of frames and times.
-
-`render`: a synthetic clip with its truth.
-
-`calibrate`: the wall of a clip, found unattended; what the wizard writes, without the wizard.
-"""
+"""`measure`, `Clip`, `render` and `calibrate`: clips in Python."""
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -35,11 +28,11 @@ from pipelines.calibrate.wizard.session import Session, setup_text
 from pipelines.measure import measurement as chain
 from pipelines.measure.chain import measure_clip
 from pipelines.measure.files import (
-    harmless,
     measurement_as_dict,
     measurement_as_row,
     overlay_marks,
     report_input,
+    without_formulas,
 )
 from pipelines.measure.measurement import track_covariance, tracks_as_frame
 from pipelines.model import angle_of
@@ -47,7 +40,7 @@ from pipelines.render import NOISE, RenderOptions, parse_size, planned_scene
 from pipelines.report.page import results_html, write_report
 from pipelines.report.plots import plots_figure
 from pipelines.setup.file import Setup, read_setup
-from pipelines.setup.tables import told_values
+from pipelines.setup.tables import checked_values
 from sample_videos import Truth, render_clip
 from vision.clip.clip import ClipReader
 from vision.clip.clip import ClipReader as Recording
@@ -67,19 +60,19 @@ __all__ = ["CalibratedClip", "Clip", "Measurement", "calibrate", "measure", "ren
 
 
 class Measurement:
-    """All that was measured in one clip. Every quantity is an attribute, too: ``m.ball_speed``.
+    """All results of one clip. Every quantity is also an attribute: ``m.ball_speed``.
 
     Parameters
     ----------
     record : pipelines.measure.measurement.ClipMeasurement
-        What the chain hands on.
+        Result of the measuring chain.
 
     Attributes
     ----------
     quantities : Mapping of str to QuantityView
-        In the order of the results table; those that can't be measured say why.
+        In the order of the results table; missing ones carry a reason.
     record : pipelines.measure.measurement.ClipMeasurement
-        The chain's own result: tracks in pixels, calibration, fits.
+        The result itself: tracks in pixels, calibration, fits.
     """
 
     def __init__(self, record: chain.ClipMeasurement) -> None:
@@ -100,17 +93,17 @@ class Measurement:
 
     @property
     def motion(self) -> Motion:
-        """What was seen to happen, with its probability."""
+        """Observed motion, with its probability."""
         return self.record.tracks.motion
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the user should know, in whole sentences."""
+        """Warnings, as whole sentences."""
         return self.record.warnings
 
     @property
     def tracks(self) -> "pd.DataFrame":
-        """All tracks, one row per object and frame; the columns of the track CSV (px, m, rad)."""
+        """All tracks, one row per object and frame, with the columns of the track CSV."""
         return tracks_as_frame(self.record)
 
     def covariance(self, name: str = "ball", *, metres: bool = True) -> "NDArray[np.float64]":
@@ -118,14 +111,14 @@ class Measurement:
         return track_covariance(self.record, name, metres=metres)
 
     def to_dict(self) -> dict[str, Any]:
-        """The contract's JSON of one clip."""
+        """JSON document of one clip (contract)."""
         return measurement_as_dict(self.record)
 
     def to_frame(self) -> "pd.DataFrame":
-        """One row: the columns of the CSV of results."""
+        """One row with the columns of the CSV of results."""
         import pandas as pd
 
-        return pd.DataFrame([harmless(measurement_as_row(self.record))])
+        return pd.DataFrame([without_formulas(measurement_as_row(self.record))])
 
     def plot(self) -> "Picture":
         """Gap, speeds, path and residuals as a matplotlib figure.
@@ -133,12 +126,12 @@ class Measurement:
         Raises
         ------
         UsageError
-            If nothing was followed that could be drawn.
+            If there is nothing to draw.
         """
         return plots_figure(report_input(self.record, None))
 
     def overlay(self, path: str | os.PathLike[str]) -> Path:
-        """Write a video with tracks, outlines, grid and landing point drawn into the clip."""
+        """Write a video of the clip with tracks, outlines, grid and landing point."""
         out = Path(path)
         clip = ClipReader.open(self.record.info.path)
         write_overlay(out, clip, self.record.tracks, overlay_marks(self.record))
@@ -163,14 +156,14 @@ class Measurement:
         )
 
     def _clip(self) -> ClipReader | None:
-        """The clip where it still is."""
+        """The clip, if its file still exists."""
         try:
             return ClipReader.open(self.record.info.path)
         except ClipError:
             return None
 
 
-@told_values
+@checked_values
 def measure(
     path: str | os.PathLike[str],
     *,
@@ -190,34 +183,34 @@ def measure(
     path : path
         Video file or folder of pictures.
     setup : Setup or path, optional
-        What the lab knows.
+        Setup of the lab.
     fps : float or str, optional
-        Capture rate, 1/s or such as "600 fps"; goes before the setup's.
+        Capture rate, 1/s, or text such as "600 fps"; takes precedence over the setup.
     ball : str or float, optional
         A preset ("jokku", "basketball"), or a diameter: "220 mm", or in m.
     wall_grid : str or float, optional
-        Side of the wall's squares: "50mm", or in m.
+        Side of the wall's grid squares: "50mm", or in m.
     ball_at, mass_at : (x, y) or (x, y, frame), optional
         A point on the ball, or on the pendulum's mass, px.
     cache : bool
-        Take up stages of an earlier measurement of the same clip.
+        Reuse stages of an earlier measurement of the same clip.
     scale : str or float, optional
-        Of the plane of motion, where somebody knows it: "409.9 px/m ± 2 px/m", "2.44 mm/px", or in
-        m/px. The wall is not calibrated then.
+        Scale in the plane of motion, if known: "409.9 px/m ± 2 px/m", "2.44 mm/px", or in m/px. The
+        wall is then not calibrated.
 
     Returns
     -------
     Measurement
-        Quantities that can't be measured carry their reason.
+        Missing quantities carry a reason.
 
     Raises
     ------
     UsageError
-        For options that can't be.
+        For invalid options.
     ClipError
         If the clip can't be read.
     NotFoundError
-        If nothing in it moves.
+        If nothing moves in it.
 
     Examples
     --------
@@ -239,28 +232,29 @@ class TimedFrame(NamedTuple):
 
 
 class Clip:
-    """A recording; iterate over it for frames and times, as often as you like.
+    """A recording; iterate over it for frames and times, repeatedly.
 
-    Frames are upright with square pixels; woven fields are separated. Nothing is held in memory.
+    Frames are upright with square pixels; interlaced fields are separated. Nothing is kept in
+    memory.
 
     Parameters
     ----------
     path : path
         Video file or folder of pictures.
     fps : float or str, optional
-        Capture rate; default what the file tells.
+        Capture rate; default: from the file.
 
     Attributes
     ----------
     info : ClipInfo
-        Size, frames, codec, rates as the file tells them.
+        Size, frames, codec and rates of the file.
     capture_fps : float
         1/s.
 
     Raises
     ------
     ClipError
-        If nothing can be read.
+        If the file can't be read.
 
     Examples
     --------
@@ -268,7 +262,7 @@ class Clip:
     ...     print(time_s, image.mean())
     """
 
-    @told_values
+    @checked_values
     def __init__(self, path: str | os.PathLike[str], *, fps: Given | None = None) -> None:
         self._recording = Recording.open(path)
         given = None if fps is None else read_number(fps, measurands.CAPTURE_RATE, "fps")
@@ -276,17 +270,17 @@ class Clip:
 
     @classmethod
     def open(cls, path: str | os.PathLike[str], *, fps: Given | None = None) -> "Clip":
-        """As the constructor."""
+        """Same as the constructor."""
         return cls(path, fps=fps)
 
     @property
     def info(self) -> ClipInfo:
-        """What is known of the file."""
+        """Properties of the file."""
         return self._recording.info
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is odd about the file, with damage met so far."""
+        """Anomalies of the file, including damage found so far."""
         return self._recording.warnings
 
     @property
@@ -302,9 +296,9 @@ class Clip:
         for frame in self._recording.frames():
             yield TimedFrame(frame.gray, float(times[frame.index]))
 
-    @told_values
+    @checked_values
     def frame(self, index: int) -> TimedFrame:
-        """One frame, counted from 0; all before it are decoded, since seeks are not exact."""
+        """One frame, counted from 0; earlier ones are decoded, too, since seeks are not exact."""
         if not 0 <= index < len(self):
             raise IndexError(f"the clip has frames 0 to {len(self) - 1}, no {index}")
         image = next(iter(self._recording.frames(index, index + 1))).gray
@@ -318,7 +312,7 @@ class Clip:
         )
 
 
-@told_values
+@checked_values
 def render(
     path: str | os.PathLike[str],
     *,
@@ -335,16 +329,16 @@ def render(
     effects: Sequence[str] = (),
     mirrored: bool = False,
 ) -> Truth:
-    """Film the experiment with a virtual camera; the truth is written beside the clip.
+    """Render the experiment with a virtual camera; write the truth next to the clip.
 
     Parameters
     ----------
     path : path
-        The clip to write: .mp4, or what the codec wants.
+        The clip to write: .mp4, or another ending that the codec supports.
     setup : Setup or path, optional
-        The paper's experiment where it is silent.
+        Where it has no value, that of the paper's experiment is used.
     backswing : float or str
-        deg, or such as "90 deg".
+        deg, or text such as "90 deg".
     ball : str, optional
         A preset, or a ball of the setup.
     size : (width, height) or str
@@ -354,25 +348,25 @@ def render(
     seed : int
         The same seed gives the same clip.
     fps : float or str, optional
-        Capture rate, 1/s; default the setup's, else 600.
+        Capture rate, 1/s; default: that of the setup, else 600.
     shutter : float or str, optional
-        Exposure time, s or such as "1/2000 s".
+        Exposure time, s, or text such as "1/2000 s".
     view : {"landing", "impact", "oblique"}
     noise : {"none", "low", "good", "high", "dim"}
     effects : sequence of str
-        Of the catalogue, with their values: "magnus:spin=10".
+        Effects of the catalogue with their values: "magnus:spin=10".
     mirrored : bool
-        The ball is struck to the left.
+        Strike the ball to the left.
 
     Returns
     -------
     Truth
-        What really happened, frame by frame.
+        True motion, frame by frame.
 
     Raises
     ------
     UsageError
-        For options that can't be.
+        For invalid options.
     """
     if noise not in NOISE:
         raise UsageError(f"noise {noise!r} is not known", hint=f"One of {', '.join(NOISE)}.")
@@ -380,7 +374,7 @@ def render(
     if not out.absolute().parent.is_dir():
         raise UsageError(
             f"can't write {out}: there is no folder {out.parent}",
-            hint="Make the folder first, or name another.",
+            hint="Create the folder first, or name another.",
         )
     text = size if isinstance(size, str) else f"{size[0]}x{size[1]}"
     options = RenderOptions(
@@ -401,21 +395,21 @@ def render(
 
 
 class CalibratedClip:
-    """A calibrated view: camera, wall and ball plane, with what to expect of a landing distance.
+    """A calibrated view: camera, wall, ball plane, and the expected landing distance.
 
     Parameters
     ----------
     session : Session
-        With its wall grid found.
+        With a wall grid.
     note : str
-        What was not found, empty otherwise.
+        What was not found; empty otherwise.
 
     Attributes
     ----------
     quantities : Mapping of str to QuantityView
         ``camera_distance``, ``ball_plane_offset`` and the expected ``landing_distance``, m.
     calibration : calib.calibration.Calibration
-        Camera, lens and planes with their covariance: pixels to metres.
+        Camera, lens and planes with their covariance.
     warnings : tuple of str
     """
 
@@ -451,12 +445,12 @@ class CalibratedClip:
 
     @property
     def setup(self) -> Setup:
-        """What is known now, as a setup: hand it to `measure`."""
+        """The calibration as a setup for `measure`."""
         answers = self._session.answers
         return read_setup(setup_text(answers, self._session.outlook), folder=answers.out.parent)
 
     def save(self, path: str | os.PathLike[str]) -> tuple[Path, Path]:
-        """Write the setup file, and ``lens.toml`` beside it."""
+        """Write the setup file, and ``lens.toml`` next to it."""
         out = Path(path)
         self._session.answers = replace(self._session.answers, out=out)
         written = self._session.save()
@@ -473,7 +467,7 @@ class CalibratedClip:
         return results_html(self._title, self._plain, self.warnings)
 
 
-@told_values
+@checked_values
 def calibrate(
     path: str | os.PathLike[str],
     *,
@@ -498,14 +492,14 @@ def calibrate(
     lens : path, optional
         A lens file.
     wall_grid, fine_grid : str or float, optional
-        Side of a square, and distance of the fine lines (or "none"): "50mm", or in m.
+        Side of a square, and pitch of the fine lines (or "none"): "50mm", or in m.
     ball : str or float, optional
         A preset, or "220 mm, 0.4 kg", or a diameter in m.
     ball_at : (x, y), optional
         The ball at rest, px.
     support_height, camera_distance, ball_plane : str or float, optional
-        How far the ball falls; camera to wall and ball's plane to wall by tape: "4.00 m ± 5 mm",
-        or in m.
+        Height of fall; measured distances from camera to wall and from ball plane to wall:
+        "4.00 m ± 5 mm", or in m.
 
     Returns
     -------
@@ -518,7 +512,7 @@ def calibrate(
     CalibrationError
         If no wall grid is found.
     UsageError
-        If something said can't be.
+        For invalid options.
     """
     rest = point_from("ball_at", ball_at)
     session = session_of(

@@ -30,7 +30,7 @@ from pipelines.model import (
 from pipelines.model import plan as plan_strike
 from pipelines.model import simulate as simulate_strike
 from pipelines.report.page import results_html
-from pipelines.setup.tables import told_values
+from pipelines.setup.tables import checked_values
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -41,7 +41,7 @@ __all__ = ["ModelResult", "cor", "plan", "simulate"]
 
 
 class ModelResult:
-    """Numbers of the forward model. Every quantity is an attribute, too: ``r.landing_distance``.
+    """Results of the forward model. Every quantity is also an attribute.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class ModelResult:
     warnings : tuple of str
     title : str
     draw : callable
-        Makes the figure.
+        Draws the figure.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class ModelResult:
         return [*super().__dir__(), *self.quantities]
 
     def to_dict(self) -> dict[str, Any]:
-        """The contract's JSON of `simulate` and `plan`."""
+        """JSON document of `simulate` and `plan` (contract)."""
         return as_document(self._named, self.warnings)
 
     def to_frame(self) -> "pd.DataFrame":
@@ -100,7 +100,7 @@ class ModelResult:
         return results_html(self._title, self._plain, self.warnings)
 
 
-@told_values
+@checked_values
 def simulate(
     *,
     backswing: Given | None = None,
@@ -111,22 +111,22 @@ def simulate(
     effects: Sequence[str] = (),
     setup: SetupLike = None,
 ) -> ModelResult:
-    """Follow a strike from back-swing or impact speed to landing (steps a to e of the paper).
+    """Simulate a strike from back-swing or impact speed to landing (steps a to e of the paper).
 
     Parameters
     ----------
     backswing : float or str, optional
-        Angle, deg or such as "90 deg"; or give `impact_speed`.
+        Angle, deg, or text such as "90 deg"; alternatively give `impact_speed`.
     impact_speed : float or str, optional
         m/s.
     ball : str, optional
-        A preset, or a ball of the setup; default the setup's, else "jokku".
+        A preset, or a ball of the setup; default: that of the setup, else "jokku".
     cor : str or float
         "variable", "constant", a number, or a law in v (m/s).
     drag : str or float, optional
         Drag coefficient, or a curve: "smooth", "soccer", "basketball".
     effects : sequence of str
-        Of the catalogue, with their values: "magnus:spin=10".
+        Effects of the catalogue with their values: "magnus:spin=10".
     setup : Setup or path, optional
 
     Returns
@@ -136,9 +136,9 @@ def simulate(
     Raises
     ------
     UsageError
-        For options that can't be.
+        For invalid options.
     DomainError
-        For inputs that no law holds for.
+        For inputs outside the range of the laws.
     """
     known = setup_from(setup)
     wanted = asked(known, ball, str(cor), None if drag is None else str(drag))
@@ -161,7 +161,7 @@ def simulate(
     )
 
 
-@told_values
+@checked_values
 def plan(
     distance: Given,
     *,
@@ -175,7 +175,7 @@ def plan(
     Parameters
     ----------
     distance : float or str
-        Of the ball's centre from rest to landing, m or such as "2.5m".
+        Of the ball's centre from rest to landing, m, or text such as "2.5m".
     ball, cor, drag, setup
         As in `simulate`.
 
@@ -186,7 +186,7 @@ def plan(
     Raises
     ------
     DomainError
-        If the distance is out of the pendulum's reach.
+        If the pendulum can't reach the distance.
     """
     known = setup_from(setup)
     wanted = asked(known, ball, str(cor), None if drag is None else str(drag))
@@ -202,7 +202,7 @@ def plan(
     )
 
 
-@told_values
+@checked_values
 def cor(
     *,
     distance: ArrayLike,
@@ -217,7 +217,7 @@ def cor(
     air_density: ArrayLike = PAPER_AIR.density,
     gravity: ArrayLike = GRAVITY,
 ) -> Any:
-    """Coefficient of restitution from where the ball landed: Eq. 17 solved for e.
+    """Coefficient of restitution from the landing point: Eq. 17 solved for e.
 
     Parameters
     ----------
@@ -230,20 +230,20 @@ def cor(
     launch_angle : float or array
         deg above the horizontal.
     support_height : float or array
-        How far the ball falls, m.
+        Height of fall, m.
     ball_mass, effective_mass : float or array
         Of the ball, and I/L² of the pendulum, kg.
     ball_diameter : float or array
         m.
     drag_coefficient, air_density : float or array
-        1 and kg/m³; the paper's unless given.
+        1 and kg/m³; default: the paper's.
     gravity : float or array
         m/s².
 
     Returns
     -------
     float or array
-        e; not limited to (0, 1], since measured distances may say otherwise.
+        e; not limited to (0, 1], since measured distances have errors.
 
     Raises
     ------

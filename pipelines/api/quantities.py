@@ -1,7 +1,4 @@
-"""Quantities as a notebook shows them: value ± std, the budget as a table.
-
-What a user asks for, from numbers, strings, paths or objects alike.
-"""
+"""Quantities for notebooks, and conversion of user input."""
 
 import math
 import os
@@ -21,7 +18,7 @@ from metrology import (
 )
 from pipelines.measure.budget import Propagation
 from pipelines.measure.chain import MeasureOptions
-from pipelines.measure.files import column_of, harmless
+from pipelines.measure.files import column_of, without_formulas
 from pipelines.report.inputs import quantity_label, quantity_text
 from pipelines.report.page import results_html
 from pipelines.setup.file import Setup, load_setup
@@ -53,14 +50,14 @@ class QuantityView:
     name : str
         As in the results table ("launch_angle").
     value : float or None
-        Best estimate; None where it could not be measured.
+        Best estimate; None if it could not be measured.
     std : float or None
         Combined standard uncertainty, k = 1.
     unit : str
     reason : str or None
         Why there is no value.
     contributions : tuple of Contribution
-        What `std` is made of, largest first.
+        Uncertainty budget, largest first.
     """
 
     name: str
@@ -72,7 +69,7 @@ class QuantityView:
 
     @classmethod
     def of(cls, quantity: Quantity) -> "QuantityView":
-        """A quantity of the chain."""
+        """View of a quantity."""
         lines = tuple(sorted(quantity.budget, key=lambda line: -line.std))
         return cls(
             quantity.name, quantity.value, quantity.std, quantity.unit, quantity.reason, lines
@@ -85,7 +82,7 @@ class QuantityView:
 
     @property
     def budget(self) -> "pd.DataFrame":
-        """Sources with their `std` and their `share` of the variance, largest first."""
+        """Sources with their `std` and `share` of the variance, largest first."""
         import pandas as pd
 
         total = sum(line.std**2 for line in self.contributions)
@@ -120,7 +117,7 @@ class Quantities(Mapping[str, QuantityView]):
     ----------
     quantities : iterable of Quantity
     title : str
-        What they are of.
+        Heading.
     """
 
     def __init__(self, quantities: Iterable[Quantity], title: str = "") -> None:
@@ -147,7 +144,7 @@ class Quantities(Mapping[str, QuantityView]):
 
 
 def as_document(quantities: Quantities, warnings: Iterable[str]) -> dict[str, Any]:
-    """The contract's ``{"quantities": …, "warnings": …}``."""
+    """Document ``{"quantities": …, "warnings": …}`` of the contract."""
     table: dict[str, Any] = {}
     for name, item in quantities.items():
         if item.value is None:
@@ -163,17 +160,15 @@ def as_row(quantities: Quantities) -> dict[str, object]:
     for item in quantities.values():
         column = column_of(item._plain())
         row[column], row[f"{column}_std"] = item.value, item.std
-    return harmless(row)
+    return without_formulas(row)
 
 
 SetupLike = Setup | str | os.PathLike[str] | None
 
 Given = float | str
-
 """A number in SI (angles: degrees), or a string with its unit."""
 
 At = Sequence[float] | str | None
-
 """``(x, y)``, ``(x, y, frame)`` or ``"x,y"``, px."""
 
 
@@ -204,20 +199,20 @@ def measure_options(
 ) -> MeasureOptions:
     """Options of the measuring chain, each checked before any work.
 
-    `cache` lets it take up what was measured before, and keep what it measures now. `scale` is that
-    of the plane of motion (bare: m/px), and goes before the wall of the setup. `budget` is how what
-    each input does to the results is found.
+    `cache` allows reading and writing earlier results. `scale` is that of the plane of motion (bare
+    numbers: m/px) and takes precedence over the wall of the setup. `budget` selects how effects of
+    the inputs are propagated.
 
     Raises
     ------
     UsageError, SetupError, UnitError
-        For a rate, point, quantity or setup that can't be.
+        For an invalid rate, point, quantity or setup.
     """
     rate = None if fps is None else read_given(fps, measurands.CAPTURE_RATE, "--fps")
     if scale is not None and wall_grid is not None:
         raise UsageError(
-            "--scale and --wall-grid both say how large a pixel is",
-            hint="Give the scale of the plane of motion, or the wall's squares, not both.",
+            "--scale and --wall-grid both set the scale",
+            hint="Give the scale of the plane of motion or the wall's grid, not both.",
         )
     return MeasureOptions(
         setup=setup_from(setup),
@@ -234,7 +229,7 @@ def measure_options(
 
 
 def length_text(length: Given | None) -> str | None:
-    """A length as it would be typed; bare numbers are metres.
+    """A length as text; bare numbers are metres.
 
     Raises
     ------
@@ -257,7 +252,7 @@ def point_from(option: str, at: At) -> tuple[float, float] | tuple[float, float,
     Raises
     ------
     UsageError
-        If it is none.
+        If it is not a point.
     """
     if at is None:
         return None

@@ -52,7 +52,7 @@ from pipelines.campaign.run import (
 from pipelines.measure.files import software_version
 from pipelines.setup.cor_file import BallLaw, FittedLaw, with_laws, write_cor_file
 from pipelines.setup.file import Setup, ball_from_option
-from pipelines.setup.tables import told_values
+from pipelines.setup.tables import checked_values
 
 __all__ = ["Campaign", "CampaignOptions", "Edition", "campaign", "conduct", "publish"]
 
@@ -336,7 +336,7 @@ class Campaign:
         return f"Campaign {self.folder}: {clips['done']} measured; " + ", ".join(laws)
 
 
-@told_values
+@checked_values
 def campaign(
     clips: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     *,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from metrology import UsageError, write_text_whole
 from metrology.files import written_whole
 from pipelines.campaign.ledger import Entry, State
-from pipelines.measure.files import column_name, harmless
+from pipelines.measure.files import column_name, without_formulas
 
 __all__ = [
     "ANALYSED",
@@ -597,7 +597,7 @@ def write_tables(frame: pd.DataFrame, folder: Path) -> None:
     texts = frame.select_dtypes(include=["object", "string"]).columns
     plain = pd.DataFrame(
         [
-            harmless({str(name): cell for name, cell in row.items()})
+            without_formulas({str(name): cell for name, cell in row.items()})
             for row in frame.to_dict("records")
         ],
         columns=frame.columns,

@@ -1,1 +1,1 @@
-"""The measuring chain: tracks in metres, swing, flight, contact, and the quantities that follow."""
+"""Measurement of clips: metres, swing, flight, contact, quantities."""

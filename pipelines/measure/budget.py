@@ -1,10 +1,9 @@
-"""Systematic uncertainty: every input moved by itself, everything after it following (GUM 5.1).
+"""Uncertainty budget of a strike: effect of each input by itself (GUM 5.1).
 
-What follows are optima, and how an optimum moves with an input is one linear solve (`moved_fit`),
-chained from fit to fit. Doing every fit again gives the same at many times the cost, except where a
-fit has no smooth optimum; it remains as the check.
-
-What follows from a fitted impact: speeds, angle, landing, restitution (Eqs 2, 7-10, 17, 18).
+The fits are optima, and the shift of an optimum with an input is one linear solve (`moved_fit`),
+chained from fit to fit. Repeating every fit gives the same at many times the cost, except where a
+fit has no smooth optimum; it remains available as a check (`Propagation.REFIT`). Derived values:
+speeds, angle, landing, restitution (Eqs 2, 7-10, 17, 18).
 """
 
 import math
@@ -24,7 +23,7 @@ from metrology import Contribution, Defaults, MeasurementError, UncertaintySourc
 from physics.bodies import Pendulum
 from pipelines.measure.checks import (
     OTHER_SPEEDS,
-    gravity_share,
+    eq7_gravity_excess,
     speed_by_pendulum,
     speed_per_frame,
 )
@@ -39,11 +38,11 @@ from pipelines.measure.impact import (
 )
 from pipelines.measure.inputs import Inputs
 from pipelines.measure.metres import (
+    AssumedLens,
     BallScale,
     MetricTracks,
-    SupposedLens,
+    assumed_lens,
     ball_scale,
-    supposed_lens,
 )
 from vision.clip.footage import CaptureRate
 from vision.tracks import Tracks
@@ -84,13 +83,12 @@ DERIVED: dict[str, str] = {
     **OTHER_SPEEDS,
     "eq7_by_gravity": "m/s",
 }
-
 """Name and unit of each derived value, in the order of the vectors below."""
 
 
 @dataclass(frozen=True)
 class _Shift:
-    """How far each fitted part is moved from its best estimate; None leaves it alone.
+    """Shift of each fitted part from its best estimate; None for no shift.
 
     Attributes
     ----------
@@ -100,9 +98,9 @@ class _Shift:
     rest : (2,) array or None
         m.
     lead : (1,) array or None
-        Of the face, m.
+        Of the face offset, m.
     landing : (1,) array or None
-        Of touch-down as seen, along the flight, m.
+        Of the observed touch-down, along the flight, m.
     """
 
     flight: FloatArray | None = None
@@ -115,7 +113,7 @@ class _Shift:
 
 @dataclass(frozen=True)
 class _DrawnParts:
-    """One draw of everything fitted."""
+    """Fitted parts after a shift."""
 
     flight: FlightFit
     view: ImpactView | None
@@ -127,14 +125,14 @@ class _DrawnParts:
 def derived_values(
     impact: Impact, inputs: Inputs, names: Container[str] = frozenset(DERIVED)
 ) -> FloatArray:
-    """Values in the order of `DERIVED`; NaN where a part is missing, or a name is not asked for."""
+    """Values in the order of `DERIVED`; NaN where a part is missing or a name is not requested."""
     return _evaluate(impact, inputs, _Shift(), names)
 
 
 def random_covariance(
     impact: Impact, inputs: Inputs, names: Container[str] = frozenset(DERIVED)
 ) -> FloatArray:
-    """Covariance of `derived_values` from the noise of the tracks, by finite differences."""
+    """Covariance of `derived_values` from track noise, by finite differences."""
     total = np.zeros((len(DERIVED), len(DERIVED)))
     for shift, covariance in _blocks(impact):
         values, vectors = np.linalg.eigh(covariance)
@@ -156,7 +154,7 @@ def random_covariance(
 
 
 def _blocks(impact: Impact) -> list[tuple[Callable[[FloatArray], _Shift], FloatArray]]:
-    """The independent parts: how a step moves each, and its covariance."""
+    """Independent parts: how a step shifts each, and its covariance."""
     blocks: list[tuple[Callable[[FloatArray], _Shift], FloatArray]] = [
         (lambda step: _Shift(flight=step), impact.flight.fitted.covariance),
         (lambda step: _Shift(rest=step), np.diag(impact.tracks.rest_std_m**2)),
@@ -205,10 +203,7 @@ def _moved_parts(swing: SwingFit, step: FloatArray | None) -> SwingFit:
 
 
 class _Strike:
-    """What follows from one draw of everything fitted; each part is worked out when asked for.
-
-    A value asks for what it needs, that for what it needs in turn, and nothing else is done.
-    """
+    """Values that follow from the fitted parts, computed on demand."""
 
     def __init__(self, impact: Impact, inputs: Inputs, shift: _Shift) -> None:
         self.impact = impact
@@ -217,7 +212,7 @@ class _Strike:
 
     @cached_property
     def contact(self) -> tuple[float, float] | None:
-        """Onset and release, s; None where no contact is seen, or they never meet."""
+        """Onset and release, s; None if no contact is observed or the two never meet."""
         view, contact = self.parts.view, self.impact.contact
         if view is None or contact is None:
             return None
@@ -232,12 +227,12 @@ class _Strike:
 
     @cached_property
     def state(self) -> FloatArray:
-        """Place and velocity of the ball at release, (4,)."""
+        """Position and velocity of the ball at release, (4,)."""
         return np.asarray(self.parts.flight.states(np.array([self.release_s]))[0])
 
     @cached_property
     def landing(self) -> tuple[float, FloatArray] | None:
-        """When and in which state (4,) the ball lands; None where it does not."""
+        """Time and state (4,) of landing; None if the ball does not land."""
         fall = self.inputs.fall
         if fall is None:
             return None
@@ -248,7 +243,7 @@ class _Strike:
 
     @cached_property
     def distance_seen(self) -> float:
-        """Where it is seen to touch down, from its rest, m; NaN where it is not."""
+        """Distance of the observed touch-down from rest, m; NaN if it is not observed."""
         if self.inputs.fall is None or self.parts.landing_x is None:
             return np.nan
         return self.parts.landing_x - float(self.parts.rest[0])
@@ -268,19 +263,19 @@ class _Strike:
         return None if self.inputs.ball is None else self.inputs.ball.mass
 
     def of_contact(self, value: Callable[[float, float], float]) -> float:
-        """A value of onset and release, NaN where there is no contact."""
+        """A value of onset and release; NaN without a contact."""
         return np.nan if self.contact is None else value(*self.contact)
 
     def of_landing(self, value: Callable[[float, FloatArray], float]) -> float:
-        """A value of when and how the ball lands, NaN where it does not."""
+        """A value of time and state of landing; NaN without a landing."""
         return np.nan if self.landing is None else value(*self.landing)
 
     def of_swings(self, value: "Callable[[_Swung], float]") -> float:
-        """A value of the swings, NaN where they are not seen."""
+        """A value of the swings; NaN if they are not observed."""
         return np.nan if self.swung is None else value(self.swung)
 
     def of_masses(self, value: "Callable[[_Swung, float], float]") -> float:
-        """A value of the swings and the ball's mass, NaN where either is missing."""
+        """A value of the swings and the ball's mass; NaN if either is missing."""
         if self.swung is None or self.ball_mass is None:
             return np.nan
         return value(self.swung, self.ball_mass)
@@ -290,12 +285,12 @@ class _Strike:
 
     def eq7_by_gravity(self, swung: "_Swung", mass: float) -> float:
         middle, pull = swung.middle, (self.inputs.gravity, swung.lasting)
-        return gravity_share(self.inputs.pendulum, mass, middle, swung.arm, pull)
+        return eq7_gravity_excess(self.inputs.pendulum, mass, middle, swung.arm, pull)
 
     def cor_range(self, swung: "_Swung", mass: float) -> float:
         if not np.isfinite(self.distance_seen):
             return np.nan
-        launched = _launch_that_reaches(
+        launched = _launch_for_distance(
             self.parts.flight, self.state, self.parts.rest, self.distance_seen, self.inputs
         )
         return np.nan if launched is None else swung.cor_of(launched, mass)
@@ -314,11 +309,11 @@ class _Swung:
     phi_before, phi_after : float
         Angle at onset and release, rad.
     omega_before, omega_after : float
-        Rate there, rad/s.
+        Angular velocity there, rad/s.
     arm : float
         Pivot to the point of contact along the bar, m.
     lasting : float
-        Of the contact, s.
+        Duration of contact, s.
     """
 
     view: ImpactView
@@ -338,8 +333,8 @@ class _Swung:
         onset, release = contact
         phi_before, omega_before = view.before.state(onset)
         phi_after, omega_after = view.after.state(release)
-        omega_after *= inputs.after_share
-        arm = inputs.arm_share * arm_along_bar(rest - view.pivot, phi_before)
+        omega_after *= inputs.after_factor
+        arm = inputs.arm_factor * arm_along_bar(rest - view.pivot, phi_before)
         lasting = release - onset
         return cls(
             view, rest, inputs, phi_before, phi_after, omega_before, omega_after, arm, lasting
@@ -347,7 +342,7 @@ class _Swung:
 
     @property
     def middle(self) -> float:
-        """Angle in the middle of the contact, rad."""
+        """Angle at mid-contact, rad."""
         return 0.5 * (self.phi_before + self.phi_after)
 
     @property
@@ -360,7 +355,7 @@ class _Swung:
 
     @property
     def true_rate(self) -> float:
-        # a misplaced pivot puts angles off by the ratio of the arms, speeds it leaves alone
+        # a wrong pivot changes angles by the ratio of the arms, but not speeds
         return self.arm / self.inputs.pendulum.length
 
     @property
@@ -369,31 +364,31 @@ class _Swung:
         return 0.5 * self.inputs.pendulum.inertia * spent
 
     def cor(self, state: FloatArray, omega_after: float) -> float:
-        """Parting over approach speed along the contact's normal (Eq. 2), at the point of contact.
+        """Separation over approach speed along the contact normal (Eq. 2), at the contact point.
 
-        Whether a round bob met the ball as a face or as a sphere, the push tells by its direction;
-        what it leaves open is the variance between the two.
+        For a round bob the direction of the push determines the probability that the normal is the
+        line of centres instead of that of a flat face; its variance is an uncertainty.
         """
         face = self._cor_along(state, omega_after, self.phi_before, self.phi_after)
         centres = self._angles_of_centres(state)
         if centres is None:
             return face
         sphere = self._cor_along(state, omega_after, *centres)
-        share = self._probability_of_centres(state, float(np.mean(centres)))
-        share += self.inputs.normal_sigmas * np.sqrt(share * (1.0 - share))
-        return float(face + share * (sphere - face))
+        probability = self._probability_of_centres(state, float(np.mean(centres)))
+        probability += self.inputs.normal_sigmas * np.sqrt(probability * (1.0 - probability))
+        return float(face + probability * (sphere - face))
 
     def _cor_along(self, state: FloatArray, omega_after: float, first: float, last: float) -> float:
-        """The same along normals at such angles at onset and release, rad."""
-        share = self.inputs.arm_share
+        """COR along normals at given angles at onset and release, rad."""
+        factor = self.inputs.arm_factor
         normal = np.array([np.cos(last), np.sin(last)])
-        reach = share * arm_along_bar(state[:2] - self.view.pivot, last)
-        parting = float(state[2:] @ normal) - omega_after * reach
-        approach = share * arm_along_bar(self.rest - self.view.pivot, first)
+        arm_after = factor * arm_along_bar(state[:2] - self.view.pivot, last)
+        parting = float(state[2:] @ normal) - omega_after * arm_after
+        approach = factor * arm_along_bar(self.rest - self.view.pivot, first)
         return float(parting / (self.omega_before * approach))
 
     def _angles_of_centres(self, state: FloatArray) -> tuple[float, float] | None:
-        """Of the line from a round bob's centre to the ball's at onset and release, rad."""
+        """Angles of the line from a round bob's centre to the ball's at onset and release, rad."""
         arm = self.view.bob_arm
         if arm is None:
             return None
@@ -405,21 +400,23 @@ class _Swung:
         return angle(self.rest, self.phi_before), angle(state[:2], self.phi_after)
 
     def _probability_of_centres(self, state: FloatArray, centres: float) -> float:
-        """That the normal is the line of centres and not the arm's, from the way the push went."""
+        """Probability that the normal is the line of centres, from the direction of the push."""
         push = float(np.arctan2(state[3] + self.inputs.gravity * self.lasting, state[2]))
         off = np.array([push - self.middle, push - centres]) / Defaults.PUSH_SLANT.std
         return float(scipy.special.expit(0.5 * (off[0] ** 2 - off[1] ** 2)))
 
     def cor_of(self, launched: FloatArray, mass: float) -> float:
-        """The same where the ball's momentum tells how the pendulum goes on (Eqs 8-10)."""
+        """COR where the ball's momentum gives the pendulum's speed after contact (Eqs 8-10)."""
         body, pivot = self.inputs.pendulum, self.view.pivot
-        reach = (launched[:2] - pivot) / self.true_rate
-        carried = mass * (reach[0] * launched[3] - reach[1] * launched[2])
+        lever = (launched[:2] - pivot) / self.true_rate
+        angular_momentum = mass * (lever[0] * launched[3] - lever[1] * launched[2])
         weight = body.mass * body.com * np.sin(self.middle) + mass * 0.5 * (
-            reach[0] + (self.rest[0] - pivot[0]) / self.true_rate
+            lever[0] + (self.rest[0] - pivot[0]) / self.true_rate
         )
         lost = self.inputs.gravity * weight * self.lasting
-        turned = float(self.omega_before - (carried + lost) / (body.inertia * self.true_rate))
+        turned = float(
+            self.omega_before - (angular_momentum + lost) / (body.inertia * self.true_rate)
+        )
         return self.cor(launched, turned)
 
 
@@ -454,19 +451,19 @@ def _evaluate(impact: Impact, inputs: Inputs, shift: _Shift, names: Container[st
     return np.array([_VALUES[name](strike) if name in names else np.nan for name in DERIVED])
 
 
-def _launch_that_reaches(
+def _launch_for_distance(
     flight: FlightFit, state: FloatArray, rest: FloatArray, distance: float, inputs: Inputs
 ) -> FloatArray | None:
-    """Release state with the measured direction whose flight lands at `distance` (Eqs 13-17).
+    """Release state in the measured direction whose flight lands at `distance` (Eqs 13-17).
 
-    The forces in the air are those that this flight shows, where Eq. 17 knows only drag.
+    Drag and lift are those fitted to this flight, while Eq. 17 has only drag.
     """
     forces = flight.fitted.values[4:]
     fall = inputs.fall
     assert fall is not None
 
-    def miss(share: float) -> float:
-        values = np.concatenate([state[:2], state[2:] * share, forces])
+    def miss(fraction: float) -> float:
+        values = np.concatenate([state[:2], state[2:] * fraction, forces])
         landed = flight.falls_to(float(rest[1]) - fall, values)
         if landed is None:
             return -distance
@@ -475,61 +472,58 @@ def _launch_that_reaches(
 
     if miss(0.7) * miss(1.4) > 0:
         return None
-    share = float(scipy.optimize.brentq(miss, 0.7, 1.4, xtol=1e-7))
-    return np.concatenate([state[:2], state[2:] * share])
+    fraction = float(scipy.optimize.brentq(miss, 0.7, 1.4, xtol=1e-7))
+    return np.concatenate([state[:2], state[2:] * fraction])
 
 
 _STEP_SIGMAS = 0.3
-
-"""Standard deviations of a step: the chain is straight over it, and it is far above rounding."""
+"""Standard deviations of a step (chosen: linear range, far above rounding)."""
 
 _SMALLER_STEPS = (0.5, 0.2)
+"""Standard deviations of a step where a full one has no solution (chosen)."""
 
-"""Standard deviations of a step where a whole one leads to where there is no such motion."""
+_MAX_SINE = 0.98
+"""Maximum sine of the slant (chosen: some 80°)."""
 
-_STEEPEST = 0.98
-"""Sine of the slant: beyond some 80° nobody films a plane."""
-
-_LEAST_AXIS = 1e-12
-
-"""Of the correlation's largest: below lies rounding, not knowledge."""
+_MIN_AXIS = 1e-12
+"""Of the largest eigenvalue of the correlation: below is rounding (chosen)."""
 
 
 class Propagation(StrEnum):
-    """How what follows from a moved input is found."""
+    """How the effect of a changed input is found."""
 
     RESPONSE = "response"
     """To first order, by linear response of every fit."""
     REFIT = "refit"
-    """By every fit done anew."""
+    """By repeating every fit."""
 
 
 @dataclass(frozen=True)
 class ClipConditions:
-    """Everything that may be off for the whole clip at once.
+    """Conditions common to the whole clip that may be wrong.
 
     Attributes
     ----------
     inputs : Inputs
     rate : CaptureRate
     calibration : Calibration or None
-        None where the ball's own size is the scale.
+        None if the scale comes from the ball's size.
     scale : float
-        Factor on lengths where there is no calibration.
+        Factor on lengths without a calibration.
     roll_rad, slant_rad : float
-        How far the camera is turned about its axis, and about the vertical, where there is none.
-    lens : SupposedLens or None
-        What a lens that nobody named is supposed to be, there.
+        Rotation of the camera about its axis, and about the vertical, without a calibration.
+    lens : AssumedLens or None
+        Assumed lens without a calibration.
     metres_per_px : (2,) tuple of float or None
-        Scale in the plane of motion that somebody gives, with its standard uncertainty.
+        Given scale in the plane of motion, with its standard uncertainty.
     zero_rad, zero_std_rad : float
-        Added to all angles of the pendulum, and how well that is known.
+        Offset of all pendulum angles, and its std.
     pivot_px : (2,) tuple of float
-        Added to the pivot in the picture.
-    pivot_ways_px : tuple of (2,) tuples of float
-        One standard deviation along either principal axis of how well that is known.
+        Offset of the pivot in the picture.
+    pivot_steps_px : tuple of (2,) tuples of float
+        One standard deviation of the pivot along either principal axis.
     round_bob : bool
-        Whether a round bob strikes: its contact's direction is not its arm's of itself.
+        Whether a round bob strikes, whose contact normal may differ from its arm's.
     """
 
     inputs: Inputs
@@ -538,22 +532,22 @@ class ClipConditions:
     scale: float = 1.0
     roll_rad: float = 0.0
     slant_rad: float = 0.0
-    lens: SupposedLens | None = None
+    lens: AssumedLens | None = None
     metres_per_px: tuple[float, float] | None = None
     zero_rad: float = 0.0
     zero_std_rad: float = 0.0
     pivot_px: tuple[float, float] = (0.0, 0.0)
-    pivot_ways_px: tuple[tuple[float, float], ...] = ()
+    pivot_steps_px: tuple[tuple[float, float], ...] = ()
     round_bob: bool = False
 
     @property
     def slant_std_rad(self) -> float:
-        """How well the slant is known."""
+        """Std of the slant."""
         return Defaults.CAMERA_SLANT.std if self.lens is None else self.lens.slant_std_rad
 
     def plane_of_ball(self, tracks: Tracks) -> BallScale:
-        """The plane of motion where there is no calibration: what fills it as the ball has to."""
-        lens = self.lens or supposed_lens(tracks.ball, tracks.background.shape)
+        """Mapping of the plane of motion without a calibration."""
+        lens = self.lens or assumed_lens(tracks.ball, tracks.background.shape)
         return ball_scale(
             tracks,
             lens,
@@ -565,14 +559,14 @@ class ClipConditions:
         )
 
     def through(self, focal_px: float) -> "ClipConditions":
-        """The same seen through another lens: the plane recedes by as much for each pixel."""
+        """The same scene with another focal length and the same change of scale per pixel."""
         assert self.lens is not None
         sine = math.sin(self.slant_rad) * focal_px / self.lens.focal_px
-        slant = math.asin(min(max(sine, -_STEEPEST), _STEEPEST))
+        slant = math.asin(min(max(sine, -_MAX_SINE), _MAX_SINE))
         return replace(self, slant_rad=slant, lens=replace(self.lens, focal_px=focal_px))
 
     def places_as(self, other: "ClipConditions") -> bool:
-        """Whether pixels and frames come to the same metres and seconds as under other ones."""
+        """Whether pixels and frames map to the same metres and seconds as under `other`."""
         return (
             self.calibration is other.calibration
             and self.rate is other.rate
@@ -593,24 +587,24 @@ def values_after_move(
     propagation: Propagation = Propagation.RESPONSE,
     names: Container[str] = frozenset(DERIVED),
 ) -> FloatArray:
-    """Derived values after inputs moved a little.
+    """Derived values after a small change of inputs.
 
     Parameters
     ----------
     impact : Impact
-        As fitted before the move.
+        Fitted before the change.
     tracks : MetricTracks
-        The same frames, in metres and seconds after the move.
+        The same frames, in metres and seconds after the change.
     inputs : Inputs
-        After the move.
+        After the change.
     propagation : Propagation
     names : container of str
-        Which of them are wanted.
+        Requested values.
 
     Returns
     -------
     (Q,) array
-        In the order of `DERIVED`; NaN where nothing can be told or is wanted.
+        In the order of `DERIVED`; NaN if undetermined or not requested.
     """
     return values_of(impact_after_move(impact, tracks, inputs, propagation), inputs, names)
 
@@ -618,7 +612,7 @@ def values_after_move(
 def values_of(
     impact: Impact | None, inputs: Inputs, names: Container[str] = frozenset(DERIVED)
 ) -> FloatArray:
-    """`derived_values` of an impact where there is one, NaN where nothing can be told."""
+    """`derived_values` of an impact; NaN if undetermined."""
     try:
         if impact is not None:
             return derived_values(impact, inputs, names)
@@ -630,7 +624,7 @@ def values_of(
 def impact_after_move(
     impact: Impact, tracks: MetricTracks, inputs: Inputs, propagation: Propagation
 ) -> Impact | None:
-    """The impact after inputs moved a little; None where there is none any more.
+    """Impact after a small change of inputs; None if there is none any more.
 
     Parameters
     ----------
@@ -642,11 +636,11 @@ def impact_after_move(
             return moved_impact(impact, tracks, inputs)
         times = None
         if impact.contact is not None:
-            share = float(tracks.ball_time_s[-1] / impact.tracks.ball_time_s[-1])
-            # a frame gained or lost at the floor moves gravity by its noise, not by the input
+            fraction = float(tracks.ball_time_s[-1] / impact.tracks.ball_time_s[-1])
+            # keep the frames: one more or less at the floor changes gravity by its noise
             ended = impact.last_flight_s + 0.5 * float(np.median(np.diff(impact.flight.time_s)))
             contact = impact.contact
-            times = (share * contact.onset_s, share * contact.release_s, share * ended)
+            times = (fraction * contact.onset_s, fraction * contact.release_s, fraction * ended)
         return find_impact(tracks, inputs, times)
     except MeasurementError:
         return None
@@ -663,12 +657,12 @@ def systematic_budget(
     Parameters
     ----------
     scene : ClipConditions
-        Best estimate.
+        Evaluates the fits under other conditions; (Q,).
     values : callable
         Does the chain again for a scene; (Q,).
     scale_std : float
-        Relative uncertainty of the scale that somebody gives, or else of the ball's own size as
-        one, where there is no calibration.
+        Relative std of the given scale, or of the scale from the ball's size, without a
+        calibration.
 
     Returns
     -------
@@ -678,18 +672,18 @@ def systematic_budget(
     base = values(scene)
 
     def column(sides: _Sides) -> FloatArray:
-        # what may be off to either side counts by the worse one
+        # the larger effect of both directions counts
         away = [np.abs(values(side) - base) for side in sides]
         return np.asarray(np.fmax.reduce(away))
 
     moves = _moved(scene, scale_std, 1.0)
     columns = [column(sides) for _, sides in moves]
-    # an input so unsure that nothing can be evaluated a whole step away counts all the more
-    for share in _SMALLER_STEPS:
-        nearer = _moved(scene, scale_std, share)
+    # use a smaller step for an input so uncertain that a full step has no solution
+    for fraction in _SMALLER_STEPS:
+        nearer = _moved(scene, scale_std, fraction)
         for place, found in enumerate(columns):
             if np.isnan(found[np.isfinite(base)]).any():
-                columns[place] = column(nearer[place][1]) / share
+                columns[place] = column(nearer[place][1]) / fraction
     table: dict[UncertaintySource, FloatArray] = {}
     for (source, _), found in zip(moves, columns, strict=True):
         known = table.get(source, found * 0.0)
@@ -706,15 +700,14 @@ def _by_calibration(
 ) -> dict[UncertaintySource, FloatArray]:
     """Contribution of each source of the calibration, by steps along its principal axes.
 
-    Distance, focal length and depth may each be open by a third while the scale of the ball plane
-    is known to a thousandth: only steps that keep to that correlation stay where the chain is
-    linear.
+    Distance, focal length and depth may each have an std of 30 % while the scale of the ball plane
+    has 0.1 %: only steps along this correlation stay in the linear range.
     """
     std = np.sqrt(np.maximum(np.diag(calibration.covariance), 0.0))
     free = std > 0
     scaled = calibration.covariance[np.ix_(free, free)] / np.outer(std[free], std[free])
     lengths, axes = np.linalg.eigh(scaled)
-    kept = lengths > _LEAST_AXIS
+    kept = lengths > _MIN_AXIS
     axes, lengths = axes[:, kept], np.sqrt(lengths[kept])
     slope = np.zeros((len(base), len(lengths)))
     for index, (axis, length) in enumerate(zip(axes.T, lengths, strict=True)):
@@ -725,16 +718,16 @@ def _by_calibration(
         ) / (_STEP_SIGMAS * length)
     table = {}
     for part in calibration.sources:
-        share = part.covariance[np.ix_(free, free)] / np.outer(std[free], std[free])
-        spread = ((slope @ (axes.T @ share @ axes)) * slope).sum(axis=1)
+        fraction = part.covariance[np.ix_(free, free)] / np.outer(std[free], std[free])
+        spread = ((slope @ (axes.T @ fraction @ axes)) * slope).sum(axis=1)
         table[part.name] = np.sqrt(np.maximum(spread, 0.0))
     return table
 
 
 def _moved(
-    scene: ClipConditions, scale_std: float, share: float
+    scene: ClipConditions, scale_std: float, fraction: float
 ) -> list[tuple[UncertaintySource, _Sides]]:
-    """The scene with each input a share of its standard uncertainty larger, and smaller if told."""
+    """Conditions with each input changed by a fraction of its std, in both directions if needed."""
     inputs, rate = scene.inputs, scene.rate
     moved: list[tuple[UncertaintySource, _Sides]] = []
 
@@ -742,68 +735,72 @@ def _moved(
         moved.append((source, sides))
 
     if rate.known:
-        faster = replace(rate, fps=rate.fps + share * rate.std)
+        faster = replace(rate, fps=rate.fps + fraction * rate.std)
         move(UncertaintySource.CAPTURE_RATE, replace(scene, rate=faster))
     rig = inputs.rig
-    for source, body in _other_pendulums(inputs, share):
+    for source, body in _other_pendulums(inputs, fraction):
         move(source, replace(scene, inputs=replace(inputs, pendulum=body)))
-    nearer = replace(inputs, arm_share=inputs.arm_share * (1 + share * Defaults.VISIBLE_DEPTH.std))
+    nearer = replace(
+        inputs, arm_factor=inputs.arm_factor * (1 + fraction * Defaults.VISIBLE_DEPTH.std)
+    )
     move(UncertaintySource.PENDULUM_ARM, replace(scene, inputs=nearer))
     if scene.zero_std_rad > 0.0:
-        turned = replace(scene, zero_rad=scene.zero_rad + share * scene.zero_std_rad)
+        turned = replace(scene, zero_rad=scene.zero_rad + fraction * scene.zero_std_rad)
         move(UncertaintySource.PENDULUM_ZERO, turned)
-    for x, y in scene.pivot_ways_px:
-        elsewhere = replace(scene, pivot_px=(share * x, share * y))
+    for x, y in scene.pivot_steps_px:
+        elsewhere = replace(scene, pivot_px=(fraction * x, fraction * y))
         move(UncertaintySource.PENDULUM_PIVOT, elsewhere)
-    ringing = replace(inputs, after_share=inputs.after_share * (1 + share * Defaults.RINGING.std))
+    ringing = replace(
+        inputs, after_factor=inputs.after_factor * (1 + fraction * Defaults.RINGING.std)
+    )
     move(UncertaintySource.PENDULUM_RINGING, replace(scene, inputs=ringing))
     if scene.round_bob:
-        other = replace(inputs, normal_sigmas=inputs.normal_sigmas + share)
+        other = replace(inputs, normal_sigmas=inputs.normal_sigmas + fraction)
         move(UncertaintySource.CONTACT_NORMAL, replace(scene, inputs=other))
     if inputs.fall is not None and rig.support_height is not None:
-        higher = replace(inputs, fall=inputs.fall + share * rig.support_height.std)
+        higher = replace(inputs, fall=inputs.fall + fraction * rig.support_height.std)
         move(UncertaintySource.SUPPORT_HEIGHT, replace(scene, inputs=higher))
     if inputs.ball is not None and inputs.ball.mass is not None and rig.ball_mass is not None:
-        ball = replace(inputs.ball, mass=inputs.ball.mass + share * rig.ball_mass.std)
+        ball = replace(inputs.ball, mass=inputs.ball.mass + fraction * rig.ball_mass.std)
         move(UncertaintySource.BALL_MASS, replace(scene, inputs=replace(inputs, ball=ball)))
     if scene.calibration is None:
-        rolled = replace(scene, roll_rad=share * Defaults.CAMERA_ROLL.std)
+        rolled = replace(scene, roll_rad=fraction * Defaults.CAMERA_ROLL.std)
         move(UncertaintySource.CAMERA_ROLL, rolled)
-        aslant = share * scene.slant_std_rad
-        slants = scene.slant_rad + aslant, scene.slant_rad - aslant
+        slant_step = fraction * scene.slant_std_rad
+        slants = scene.slant_rad + slant_step, scene.slant_rad - slant_step
         sides = (replace(scene, slant_rad=slant) for slant in slants)
         move(UncertaintySource.CAMERA_SLANT, *sides)
         if scene.lens is not None:
-            usual, longer = scene.lens, math.exp(share * LOG_FOCAL_STD)
+            usual, longer = scene.lens, math.exp(fraction * LOG_FOCAL_STD)
             lenses = (usual.focal_px * longer, usual.focal_px / longer)
             sides = (scene.through(focal) for focal in lenses)
             move(UncertaintySource.LENS_UNKNOWN, *sides)
         if np.isfinite(scale_std):
             by_ball = scene.metres_per_px is None
             source = UncertaintySource.BALL_DIAMETER if by_ball else UncertaintySource.SCALE
-            move(source, replace(scene, scale=scene.scale * (1 + share * scale_std)))
+            move(source, replace(scene, scale=scene.scale * (1 + fraction * scale_std)))
     return moved
 
 
-def _other_pendulums(inputs: Inputs, share: float) -> list[tuple[UncertaintySource, Pendulum]]:
-    """The pendulum with each of its numbers a share of its standard uncertainty larger.
+def _other_pendulums(inputs: Inputs, fraction: float) -> list[tuple[UncertaintySource, Pendulum]]:
+    """Pendulums with each property increased by a fraction of its standard uncertainty.
 
-    Mass and centre of mass only enter the stiffness of the swing, whose uncertainty its fit takes.
+    Mass and centre of mass only affect the stiffness of the swing, which its fit includes.
     """
     body, rig = inputs.pendulum, inputs.rig
     others = [
         (
             UncertaintySource.PENDULUM_INERTIA,
-            replace(body, inertia=body.inertia * (1 + share * rig.inertia.relative_std)),
+            replace(body, inertia=body.inertia * (1 + fraction * rig.inertia.relative_std)),
         ),
         (
             UncertaintySource.PENDULUM_LENGTH,
-            replace(body, length=body.length * (1 + share * rig.length.relative_std)),
+            replace(body, length=body.length * (1 + fraction * rig.length.relative_std)),
         ),
     ]
     if rig.effective_mass is not None:
         heavier = replace(
-            body, effective_mass=rig.effective_mass.value + share * rig.effective_mass.std
+            body, effective_mass=rig.effective_mass.value + fraction * rig.effective_mass.std
         )
         others.append((UncertaintySource.EFFECTIVE_MASS, heavier))
     return others
@@ -812,7 +809,7 @@ def _other_pendulums(inputs: Inputs, share: float) -> list[tuple[UncertaintySour
 def merged(
     table: dict[UncertaintySource, FloatArray], index: int, noise: float
 ) -> tuple[Contribution, ...]:
-    """Budget of one value, largest first, from the table and the noise of the tracks."""
+    """Budget of one value, largest first, from systematic contributions and track noise."""
     lines = [Contribution(UncertaintySource.TRACK_NOISE, noise)]
     lines += [Contribution(name, float(column[index])) for name, column in table.items()]
     kept = [line for line in lines if np.isfinite(line.std) and line.std > 0]

@@ -1,9 +1,7 @@
-"""From a clip to a measurement, unattended.
+"""Measurement of one clip: track, calibrate, fit, evaluate; each stage cached.
 
-What was measured before, found again where nothing that it follows from has changed.
-
-Three stages are kept: what was followed hangs on the clip, its rate and the points that somebody
-shows; the fits on all that was said besides; the measurement on what of it was asked for.
+Tracks depend on the clip, its rate and the points given; fits also on all other options; the
+measurement also on the quantities asked for.
 """
 
 import functools
@@ -31,17 +29,17 @@ from pipelines.measure.budget import (
     values_after_move,
     values_of,
 )
-from pipelines.measure.gravity import as_flown_through, scale_std, seen_fall
-from pipelines.measure.impact import Impact, find_impact, strikes_apart, struck_again
+from pipelines.measure.gravity import scale_std, seen_fall, with_fitted_slant
+from pipelines.measure.impact import Impact, find_impact, next_strike_time, other_strikes
 from pipelines.measure.inputs import Inputs, gather_inputs
-from pipelines.measure.measurement import ClipMeasurement, proviso
+from pipelines.measure.measurement import ClipMeasurement, motion_warning
 from pipelines.measure.metres import (
+    AssumedLens,
     CameraMapping,
     MetricTracks,
-    SupposedLens,
+    assumed_lens,
     calibrate_clip,
-    radius_share,
-    supposed_lens,
+    radius_relative_std,
     tracks_in_metres,
 )
 from pipelines.measure.motions import (
@@ -50,7 +48,7 @@ from pipelines.measure.motions import (
     PlaneScale,
     applicable,
     motion_quantities,
-    rate_by_fall,
+    rate_from_gravity,
     require_upright,
 )
 from pipelines.measure.results import (
@@ -77,10 +75,10 @@ __all__ = [
     "fitted_once",
     "measure_clip",
     "measure_tracks",
+    "measured_once",
     "measurement_of",
     "quantities_of",
-    "remembered",
-    "watched",
+    "tracked_once",
 ]
 
 _Progress = Callable[[str, float], None]
@@ -88,8 +86,8 @@ _Progress = Callable[[str, float], None]
 _Measure = Callable[..., ClipMeasurement]
 
 
-def remembered(measure: _Measure) -> _Measure:
-    """Let a function that measures a clip first look whether it was measured before.
+def measured_once(measure: _Measure) -> _Measure:
+    """Return a measuring function that first looks up the cache.
 
     Parameters
     ----------
@@ -130,7 +128,7 @@ def _lens_digest(options: "MeasureOptions") -> str | None:
 
 @dataclass(frozen=True, eq=False)
 class FollowedTracks:
-    """What following a clip to its end gave.
+    """Result of tracking a clip to its end.
 
     Attributes
     ----------
@@ -138,9 +136,9 @@ class FollowedTracks:
     clock : (F,) array
         Mid-exposure time of every frame, in frames of the camera.
     info : ClipInfo
-        With the count of the frames that came out of it.
+        With the number of decoded frames.
     warnings : tuple of str
-        Of the clip, with what could not be decoded.
+        Of reading and decoding the clip.
     """
 
     tracks: Tracks
@@ -149,20 +147,20 @@ class FollowedTracks:
     warnings: tuple[str, ...]
 
 
-def watched(
+def tracked_once(
     clip: ClipReader, capture_fps: float, options: "MeasureOptions", follow: Callable[[], Tracks]
 ) -> FollowedTracks:
-    """Follow a clip, or take up how it was followed before.
+    """Track a clip, or load its tracks from the cache.
 
     Parameters
     ----------
     clip : ClipReader
     capture_fps : float
-        Frames per second at which it is followed.
+        Frame rate used for tracking, 1/s.
     options : MeasureOptions
-        The points that somebody shows, and whether anything may be kept.
+        The points given, and whether the cache is used.
     follow : callable
-        Does it.
+        Does the tracking.
     """
     kept = Cache.of_user(wanted=options.cache)
     key = kept.key("tracks", clip.info.sha256, capture_fps, options.ball_at, options.mass_at)
@@ -180,17 +178,17 @@ FloatArray = NDArray[np.float64]
 
 Point = tuple[float, float] | tuple[float, float, int]
 
-_LEAST_VARIANCE = 1e-12
-"""Share of the largest: below lies rounding of a double, not knowledge."""
+_MIN_RELATIVE_VARIANCE = 1e-12
+"""Of the largest variance: below is rounding error of a double (chosen)."""
 
 
 @dataclass(frozen=True)
 class MeasureOptions:
-    """What the user said on the command line.
+    """Options of one measurement.
 
-    `scale_m_per_px` is a scale in the plane of motion with its standard uncertainty, m/px: who
-    knows it needs no wall, and the wall is not calibrated. `wanted` names the quantities that are
-    evaluated, with all that their uncertainties and the checks on them need; None: all.
+    `scale_m_per_px` is a scale in the plane of motion with its standard uncertainty, m/px; with it
+    the wall is not calibrated. `wanted` names the quantities to evaluate, with everything their
+    uncertainties and checks need; None: all.
     """
 
     setup: Setup = field(default_factory=Setup)
@@ -208,7 +206,7 @@ class MeasureOptions:
 
 @dataclass(frozen=True, eq=False)
 class FollowedClip:
-    """All that the numbers of a clip follow from: measuring is a pure function of it.
+    """Tracks and inputs of a clip; measuring is a pure function of them.
 
     Attributes
     ----------
@@ -217,12 +215,12 @@ class FollowedClip:
     clock : (F,) array
         Mid-exposure time of every frame of the clip, in frames of the camera.
     rate : CaptureRate
-        As said or assumed.
+        As given or assumed.
     inputs : Inputs
     scale_m_per_px : (2,) tuple of float or None
-        Scale in the plane of motion with its standard uncertainty, where somebody gives it.
+        Scale in the plane of motion with its standard uncertainty, if given.
     size_seen : bool
-        Whether the ball's radius was seen; marks have none but what is said of the ball.
+        Whether the ball's radius was observed; imported marks have only the given one.
     """
 
     tracks: Tracks
@@ -239,12 +237,12 @@ class FollowedClip:
 
 @dataclass(frozen=True, eq=False)
 class FittedClip:
-    """What every quantity of a clip is told from: the motion in metres and seconds, and its fits.
+    """Motion in metres and seconds, and its fits, from which every quantity is evaluated.
 
     Attributes
     ----------
     followed : FollowedClip
-        On the clock that was settled on.
+        On the final clock.
     wall : WallScene
     scene : ClipConditions
     metric : MetricTracks or None
@@ -263,13 +261,13 @@ class FittedClip:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What follows from what was followed.
+    """Results that follow from the tracks.
 
     Attributes
     ----------
     results : Results
     rate : CaptureRate
-        As said, or told by a free fall where nobody said it.
+        As given, or estimated from free fall.
     evaluated : Evaluated
     calibration : Calibration or None
     grid : WallGrid or None
@@ -284,7 +282,7 @@ class Found:
     warnings: tuple[str, ...]
 
 
-@remembered
+@measured_once
 @with_stack_space
 def measure_clip(
     path: Path,
@@ -300,7 +298,7 @@ def measure_clip(
     options : MeasureOptions, optional
         Setup and overrides.
     progress : callable, optional
-        Called with the step's name and the part of it that is done.
+        Called with the name of the step and its completed fraction.
 
     Returns
     -------
@@ -310,10 +308,10 @@ def measure_clip(
     Raises
     ------
     ClipError, NotFoundError
-        If the clip can't be read, or nothing in it moves.
+        If the clip can't be read, or nothing moves in it.
     """
     options = options or MeasureOptions()
-    tell = progress or (lambda _step, _part: None)
+    report = progress or (lambda _step, _part: None)
     inputs = gather_inputs(options.setup, options.ball, options.wall_grid)
     clip = ClipReader.open(path)
     camera = options.setup.camera
@@ -331,29 +329,29 @@ def measure_clip(
             rate.fps,
             ball_at=options.ball_at,
             mass_at=options.mass_at,
-            progress=lambda part: tell("following ball and pendulum", part),
+            progress=lambda part: report("following ball and pendulum", part),
         )
 
-    seen = watched(clip, rate.fps, options, follow_it)
+    seen = tracked_once(clip, rate.fps, options, follow_it)
     followed = FollowedClip(seen.tracks, seen.clock, rate, inputs, options.scale_m_per_px)
-    fitted = fitted_once(clip, options, lambda: fit_tracks(followed, tell))
-    found = quantities_of(fitted, tell, options.budget, options.wanted)
+    fitted = fitted_once(clip, options, lambda: fit_tracks(followed, report))
+    found = quantities_of(fitted, report, options.budget, options.wanted)
     return measurement_of(seen.info, followed, found, seen.warnings)
 
 
 def measurement_of(
     info: ClipInfo, followed: FollowedClip, found: Found, warnings: Sequence[str] = ()
 ) -> ClipMeasurement:
-    """What was followed and what was found of it, as the result of one clip.
+    """Combine tracks and results into the measurement of a clip.
 
     Parameters
     ----------
     info : ClipInfo
     followed : FollowedClip
     found : Found
-        Of `followed`.
+        From `followed`.
     warnings : sequence of str
-        Of reading the clip; they come first.
+        From reading the clip; they come first.
     """
     return ClipMeasurement(
         info=info,
@@ -363,7 +361,7 @@ def measurement_of(
         gravity=found.results.gravity,
         checks=found.results.checks,
         warnings=tuple(
-            dict.fromkeys([*warnings, *proviso(followed.tracks.motion), *found.warnings])
+            dict.fromkeys([*warnings, *motion_warning(followed.tracks.motion), *found.warnings])
         ),
         tracks=_timed(followed.tracks, followed.seconds(found.rate.fps)),
         grid=found.grid,
@@ -378,13 +376,13 @@ def measure_tracks(
     progress: Callable[[str, float], None] | None = None,
     propagation: Propagation = Propagation.RESPONSE,
 ) -> Found:
-    """Everything after following: calibrate, fit, propagate, check.
+    """Everything after tracking: calibrate, fit, propagate, check.
 
     Parameters
     ----------
     followed : FollowedClip
     progress : callable, optional
-        Called with the step's name and the part of it that is done.
+        Called with the name of the step and its completed fraction.
     propagation : Propagation
         How the systematic budget is propagated.
     """
@@ -394,25 +392,25 @@ def measure_tracks(
 def fitted_once(
     clip: ClipReader, options: MeasureOptions, fit: Callable[[], FittedClip]
 ) -> FittedClip:
-    """Fit what was followed, or take up the fits that another question about the clip asked for.
+    """Fit the tracks, or load the fits made for other quantities of the same clip.
 
     Parameters
     ----------
     clip : ClipReader
     options : MeasureOptions
-        What is asked for does not matter to the fits.
+        The quantities asked for do not affect the fits.
     fit : callable
-        Does them.
+        Does the fitting.
     """
     kept = Cache.of_user(wanted=options.cache)
-    asked = replace(options, wanted=None, budget=Propagation.RESPONSE)
-    key = kept.key("fits", clip.info.sha256, _lens_digest(options), asked)
+    fit_options = replace(options, wanted=None, budget=Propagation.RESPONSE)
+    key = kept.key("fits", clip.info.sha256, _lens_digest(options), fit_options)
     found = kept.get(key)
     if isinstance(found, FittedClip):
         return found
     made = fit()
     if options.wanted is not None:
-        # a whole measurement is kept itself, and leaves no question
+        # a complete measurement is cached itself
         kept.put(key, made)
     return made
 
@@ -420,19 +418,19 @@ def fitted_once(
 def fit_tracks(
     followed: FollowedClip, progress: Callable[[str, float], None] | None = None
 ) -> FittedClip:
-    """Calibrate, settle the clock, fit the motion: all that comes before any single quantity.
+    """Calibrate, determine the clock and fit the motion: everything before single quantities.
 
     Parameters
     ----------
     followed : FollowedClip
     progress : callable, optional
-        Called with the step's name and the part of it that is done.
+        Called with the name of the step and its completed fraction.
     """
-    tell = progress or (lambda _step, _part: None)
+    report = progress or (lambda _step, _part: None)
     inputs, rate = followed.inputs, followed.rate
     tracks = _timed(followed.tracks, followed.seconds(rate.fps))
-    tell("calibrating", 0.0)
-    wall = WallScene(refusal=NoScale(_SCALE_GIVEN))
+    report("calibrating", 0.0)
+    wall = WallScene(refusal=NoScale(_WALL_UNKNOWN))
     if followed.scale_m_per_px is None:
         wall = _calibrated(tracks, inputs)
     if not rate.known:
@@ -440,19 +438,19 @@ def fit_tracks(
         tracks = _timed(tracks, followed.seconds(rate.fps))
     followed = replace(followed, tracks=tracks, rate=rate)
     scene = _conditions(followed, wall)
-    wall = _weighed(wall, followed, scene)
+    wall = _with_free_fall(wall, followed, scene)
     scene = replace(scene, calibration=wall.calibration)
-    tell("calibrating", 1.0)
+    report("calibrating", 1.0)
     fitted = FittedClip(followed, wall, scene)
     if tracks.motion.kind is MotionKind.NONE:
         return replace(fitted, refusal=NO_MOTION)
-    if tracks.motion.kind in _NOT_STRUCK:
-        seen = f"what is seen is a {tracks.motion.kind.value}, not a strike"
+    if tracks.motion.kind in _OTHER_MOTIONS:
+        seen = f"the motion is a {tracks.motion.kind.value}, not a strike"
         return replace(fitted, refusal=seen)
     try:
         require_upright(tracks)
         if scene.calibration is None:
-            scene = as_flown_through(scene, tracks, followed.seconds(scene.rate.fps))
+            scene = with_fitted_slant(scene, tracks, followed.seconds(scene.rate.fps))
             fitted = replace(fitted, scene=scene)
         metric = _in_metres(scene, followed.seconds(scene.rate.fps), tracks)
         return replace(fitted, metric=metric, impact=find_impact(metric, scene.inputs))
@@ -466,65 +464,65 @@ def quantities_of(
     propagation: Propagation = Propagation.RESPONSE,
     wanted: Collection[str] | None = None,
 ) -> Found:
-    """What is told of a fitted clip: quantities with their budgets, checks, warnings.
+    """Evaluate a fitted clip: quantities with their budgets, checks, warnings.
 
     Parameters
     ----------
     fitted : FittedClip
     progress : callable, optional
-        Called with the step's name and the part of it that is done.
+        Called with the name of the step and its completed fraction.
     propagation : Propagation
         How the systematic budget is propagated.
     wanted : collection of str, optional
-        Names of the quantities asked for: what only others need is left alone.
+        Names of the quantities asked for; what only others need is not evaluated.
     """
-    tell = progress or (lambda _step, _part: None)
+    report = progress or (lambda _step, _part: None)
     followed, wall, scene = fitted.followed, fitted.wall, fitted.scene
     tracks = followed.tracks
-    evaluated = _evaluate(fitted, tell, propagation, needed(wanted))
+    evaluated = _evaluate(fitted, report, propagation, needed(wanted))
     motion = motion_quantities(tracks, _motion_scene(scene, followed, wall))
     results = results_of(evaluated, tracks, wall.refusal, motion, wanted)
     warnings = [] if scene.rate.notice is None else [scene.rate.notice]
     warnings += tracks.warnings
-    if tracks.motion.kind not in _NOT_STRUCK:
+    if tracks.motion.kind not in _OTHER_MOTIONS:
         warnings += scene.inputs.assumed
     if wall.calibration is not None:
         warnings += wall.calibration.warnings
     else:
-        warnings.append(f"no calibration from the wall: {wall.refusal.reason}")
+        warnings.append(f"the wall gives no calibration: {wall.refusal.reason}")
     warnings += results.warnings
-    warnings += _left_again(evaluated, tracks)
+    warnings += _two_strikes(evaluated, tracks)
     return Found(results, scene.rate, evaluated, wall.calibration, wall.grid, tuple(warnings))
 
 
-def _struck_apart(tracks: Tracks, other: FollowedObject) -> str:
+def _other_strike(tracks: Tracks, other: FollowedObject) -> str:
     assert tracks.rest_frames is not None
     assert other.ball_at is not None
     first, last = other.track.frame[[0, -1]]
     x, y, frame = other.ball_at
     return (
-        f"TWO STRIKES: in frames {first} to {last} a ball leaves the same place, too. The one that "
-        f"leaves after frame {tracks.rest_frames[1]} is measured; to measure the other, cut the "
-        f"clip, or point at it with --ball-at {x},{y},{frame}."
+        f"TWO STRIKES: in frames {first} to {last} another ball leaves the same place. The one "
+        f"that leaves after frame {tracks.rest_frames[1]} is measured. To measure the other, cut "
+        f"the clip, or point at it with --ball-at {x},{y},{frame}."
     )
 
 
-def _left_again(evaluated: Evaluated, tracks: Tracks) -> list[str]:
-    """Which of two strikes was measured."""
+def _two_strikes(evaluated: Evaluated, tracks: Tracks) -> list[str]:
+    """Warn if the clip shows two strikes, and state which was measured."""
     impact = evaluated.impact
-    said = [_struck_apart(tracks, other) for other in strikes_apart(tracks)]
-    again = None if impact is None else struck_again(impact.tracks, impact.last_flight_s)
+    messages = [_other_strike(tracks, other) for other in other_strikes(tracks)]
+    again = None if impact is None else next_strike_time(impact.tracks, impact.last_flight_s)
     if again is None:
-        return said
+        return messages
     return [
-        *said,
-        f"TWO STRIKES: the ball lies at its place again at {again:.3f} s and leaves it once more. "
-        "The first strike is measured; cut the clip there to measure the second.",
+        *messages,
+        f"TWO STRIKES: the ball is at rest again at {again:.3f} s and leaves once more. The first "
+        "strike is measured. To measure the second, cut the clip there.",
     ]
 
 
 def _timed(tracks: Tracks, time_s: FloatArray) -> Tracks:
-    """The tracks on the camera's own clock: dropped frames and variable rates leave gaps."""
+    """Tracks on the camera's clock: dropped frames and variable rates leave gaps."""
     ball = replace(tracks.ball, time_s=time_s[tracks.ball.frame])
     others = tuple(
         replace(other, track=replace(other.track, time_s=time_s[other.track.frame]))
@@ -538,59 +536,58 @@ def _timed(tracks: Tracks, time_s: FloatArray) -> Tracks:
 
 
 def _conditions(followed: FollowedClip, wall: "WallScene") -> ClipConditions:
-    """What may be off for the whole clip, at its best estimate."""
+    """Clip-wide conditions that may be wrong, at their best estimates."""
     pendulum = followed.tracks.pendulum
     return ClipConditions(
         followed.inputs,
         followed.rate,
         wall.calibration,
         metres_per_px=followed.scale_m_per_px,
-        lens=None if wall.calibration is not None else _supposed(followed.tracks),
+        lens=None if wall.calibration is not None else _assumed(followed.tracks),
         zero_std_rad=0.0 if pendulum is None else pendulum.zero_std_rad,
-        pivot_ways_px=() if pendulum is None else _ways(pendulum.pivot_covariance_px2),
+        pivot_steps_px=() if pendulum is None else _principal_steps(pendulum.pivot_covariance_px2),
         round_bob=pendulum is not None and pendulum.face.spherical,
     )
 
 
-def _supposed(tracks: Tracks) -> SupposedLens:
-    return supposed_lens(tracks.ball, tracks.background.shape)
+def _assumed(tracks: Tracks) -> AssumedLens:
+    return assumed_lens(tracks.ball, tracks.background.shape)
 
 
-def _ways(covariance: FloatArray) -> tuple[tuple[float, float], ...]:
+def _principal_steps(covariance: FloatArray) -> tuple[tuple[float, float], ...]:
     """One standard deviation along each principal axis of a covariance (2, 2)."""
     squares, axes = np.linalg.eigh(covariance)
-    ways = (axes * np.sqrt(np.maximum(squares, 0.0))).T
-    return tuple((float(x), float(y)) for x, y in ways)
+    steps = (axes * np.sqrt(np.maximum(squares, 0.0))).T
+    return tuple((float(x), float(y)) for x, y in steps)
 
 
 def _rate_by_fall(followed: FollowedClip, wall: "WallScene") -> CaptureRate:
-    """The rate at which the flight in view falls as gravity has it; as assumed where none does."""
+    """Frame rate at which the flight in view falls with gravity; the assumed rate if none does."""
     rate = followed.rate
     scene = _conditions(followed, wall)
     moving = _motion_scene(scene, followed, wall)
     if not moving.metric or followed.tracks.motion.kind not in _FALLING:
         return rate
     try:
-        told = rate_by_fall(followed.tracks, moving)
+        estimate = rate_from_gravity(followed.tracks, moving)
     except MeasurementError:
         return rate
-    if told is None:
+    if estimate is None:
         return rate
     notice = (
-        f"CAPTURE RATE FROM FREE FALL: nobody says it, and the flight falls as it should at "
-        f"{told.fps:.4g} ± {told.std:.2g} fps; times and speeds rest on that. Give the true rate "
-        "with --fps RATE or capture_fps in the setup file."
+        f"Frame rate not given. Estimated from gravity: {estimate.fps:.4g} ± {estimate.std:.2g} "
+        "fps; times and speeds depend on it. Pass --fps RATE, or set capture_fps in the setup file."
     )
-    return replace(rate, fps=told.fps, std=told.std, notice=notice)
+    return replace(rate, fps=estimate.fps, std=estimate.std, notice=notice)
 
 
-_SCALE_GIVEN = "the scale of the plane of motion was given, and nothing says where the wall is"
+_WALL_UNKNOWN = "with a given scale of the plane of motion, the position of the wall is unknown"
 
 _FALLING = (MotionKind.STRIKE, MotionKind.FLIGHT, MotionKind.DROP)
 
 
 def _motion_scene(scene: ClipConditions, followed: FollowedClip, wall: "WallScene") -> MotionScene:
-    """What turns pixels and frames of a motion that is no strike into metres and seconds."""
+    """Conversion of pixels and frames to metres and seconds for motions other than strikes."""
     calibration = wall.calibration
     mapping: Mapping | None = None
     steps: list[tuple[UncertaintySource, Mapping]] = []
@@ -606,7 +603,7 @@ def _motion_scene(scene: ClipConditions, followed: FollowedClip, wall: "WallScen
                     ).ball,
                 )
                 for value, vector in zip(values, vectors.T, strict=True)
-                if value > _LEAST_VARIANCE * values[-1] > 0
+                if value > _MIN_RELATIVE_VARIANCE * values[-1] > 0
             ]
     inputs = scene.inputs
     return MotionScene(
@@ -620,12 +617,12 @@ def _motion_scene(scene: ClipConditions, followed: FollowedClip, wall: "WallScen
         gravity=inputs.gravity,
         size=float(max(followed.tracks.background.shape)),
         rate_from_fall=scene.rate.source is RateSource.ASSUMED,
-        diameter=_said_diameter(scene) if followed.size_seen else None,
+        diameter=_given_diameter(scene) if followed.size_seen else None,
     )
 
 
-def _said_diameter(scene: ClipConditions) -> tuple[float, float] | None:
-    """Diameter and its relative uncertainty, where the scale was not told by it."""
+def _given_diameter(scene: ClipConditions) -> tuple[float, float] | None:
+    """Diameter and its relative std, if the scale has another source."""
     diameter = scene.inputs.rig.ball_diameter
     if scene.metres_per_px is None or diameter is None:
         return None
@@ -633,29 +630,31 @@ def _said_diameter(scene: ClipConditions) -> tuple[float, float] | None:
 
 
 def _plane_scale(scene: ClipConditions, tracks: Tracks, wall: "WallScene") -> PlaneScale | None:
-    """Scale in the plane of motion, where no calibration tells it."""
+    """Scale in the plane of motion without a calibration."""
     if scene.metres_per_px is not None:
         per_px, std = scene.metres_per_px
         return PlaneScale(per_px, std / per_px, UncertaintySource.SCALE)
     if scene.inputs.ball is None or wall.refusal.contradicts:
         return None
     ball = applicable(tracks)
-    lens = scene.lens or _supposed(tracks)
+    lens = scene.lens or _assumed(tracks)
     across = lens.across(ball.centre_px, ball.radius_px)
     radius = float(np.median(across))
-    scatter = 1.4826 * float(np.median(np.abs(across - radius)))
-    # what a sphere is longer by goes as the square of the focal length
+    scaled_mad = 1.4826 * float(np.median(np.abs(across - radius)))
+    # the elongation of a sphere's image scales with the inverse square of the focal length
     longer = 2.0 * LOG_FOCAL_STD * (float(np.median(ball.radius_px)) / radius - 1.0)
     diameter = scene.inputs.rig.ball_diameter
     assert diameter is not None
-    share = np.linalg.norm([diameter.relative_std, radius_share(ball), scatter / radius, longer])
+    relative_std = np.linalg.norm(
+        [diameter.relative_std, radius_relative_std(ball), scaled_mad / radius, longer]
+    )
     per_px = 0.5 * diameter.value / radius
-    return PlaneScale(per_px, float(share), UncertaintySource.BALL_DIAMETER)
+    return PlaneScale(per_px, float(relative_std), UncertaintySource.BALL_DIAMETER)
 
 
 @dataclass(frozen=True)
 class WallScene:
-    """What the wall gave: a calibrated scene, or why there is none."""
+    """Calibrated scene from the wall, or why there is none."""
 
     solved: Solved | None = None
     refusal: NoScale = field(default_factory=NoScale)
@@ -679,10 +678,10 @@ def _calibrated(tracks: Tracks, inputs: Inputs) -> WallScene:
         return WallScene(refusal=NoScale(problem.in_one_line))
 
 
-def _weighed(wall: WallScene, followed: FollowedClip, scene: ClipConditions) -> WallScene:
-    """The wall with the free fall weighed in, where nothing is taped and a clock is known.
+def _with_free_fall(wall: WallScene, followed: FollowedClip, scene: ClipConditions) -> WallScene:
+    """Include free fall in the calibration if no distance is measured and the rate is known.
 
-    A fall that contradicts the rest is left to the self-check by gravity.
+    A fall that contradicts the other data is left to the check by gravity.
     """
     if wall.solved is None or wall.solved.evidence.taped:
         return wall
@@ -698,22 +697,22 @@ def _weighed(wall: WallScene, followed: FollowedClip, scene: ClipConditions) -> 
 
 
 def _sizes(inputs: Inputs) -> str:
-    """What can't all be right, with the options that would put it right."""
+    """Sizes that contradict each other, with the options to correct them."""
     squares = f"squares of {1e3 * inputs.grid_pitch:g} mm"
     if inputs.ball is None:
-        return f"{squares} and the taped distances contradict each other: check --wall-grid"
+        return f"{squares} and the measured distances contradict each other: check --wall-grid"
     return (
         f"{squares} and a ball of {1e3 * inputs.ball.diameter:g} mm"
-        " contradict each other: check --wall-grid and --ball, and that the ball was followed"
+        " contradict each other: check --wall-grid and --ball, and that the ball was tracked"
     )
 
 
-_NOT_STRUCK = (MotionKind.SWING, MotionKind.COLLISION, MotionKind.DROP)
+_OTHER_MOTIONS = (MotionKind.SWING, MotionKind.COLLISION, MotionKind.DROP)
 
 
 def _evaluate(
     fitted: FittedClip,
-    tell: Callable[[str, float], None],
+    report: Callable[[str, float], None],
     propagation: Propagation,
     names: frozenset[str],
 ) -> Evaluated:
@@ -728,7 +727,7 @@ def _evaluate(
     def values(moved: ClipConditions) -> FloatArray:
         nonlocal steps
         steps += 1
-        tell("propagating uncertainty", min(1.0, steps / 30))
+        report("propagating uncertainty", min(1.0, steps / 30))
         if not moved.places_as(scene):
             again = _in_metres(moved, followed.seconds(moved.rate.fps), followed.tracks)
             return values_after_move(impact, again, moved.inputs, propagation, names)

@@ -1,14 +1,7 @@
-"""What follows from a failed check: which quantities hang on it, and how far they are in doubt.
+"""Consistency checks of a measurement, and their effect on the quantities.
 
-When a check that found nothing may say "passed".
-
-The ball's speed the paper's ways, beside the fit: per frame (Fig. 18), and by Eqs 7 and 8.
-
-Whether the ball looks as large as it is said to be, where something else tells the scale.
-
-Whether the pendulum is as long as the one whose inertia is used.
-
-Whether the contact returns no more speed than it takes.
+Checks: the ball's speed by the paper's methods (per frame, Fig. 18; Eqs 7 and 8) against the fit,
+the ball's observed size, the pendulum's length, and a COR of at most 1.
 """
 
 import math
@@ -30,30 +23,29 @@ __all__ = [
     "CONTACT",
     "COR",
     "FLIGHT",
-    "LEAST_POWER",
+    "MAX_CONTRADICTION",
+    "MIN_CHECK_POWER",
     "OTHER_SPEEDS",
     "PENDULUM",
     "RATE_AND_SCALE",
-    "WITHHELD_BEYOND",
+    "CheckResult",
     "Contradiction",
-    "HeldAgainst",
-    "SpeedsAgree",
+    "SpeedComparison",
+    "apply_contradictions",
     "ball_size",
-    "contact_doubted",
-    "doubted",
-    "gravity_share",
+    "compare_speeds",
+    "contact_contradiction",
+    "eq7_gravity_excess",
     "passive_contact",
     "pendulum_length",
     "size_at_scale",
     "speed_by_pendulum",
     "speed_per_frame",
-    "speeds_agree",
 ]
 
-WITHHELD_BEYOND = 0.1
-
-"""Share of a quantity that a contradiction may put in doubt before it says nothing any more,
-supposed."""
+MAX_CONTRADICTION = 0.1
+"""Relative error of a quantity above which a contradiction withholds it instead of widening it
+(assumed)."""
 
 COR = frozenset(
     {
@@ -75,8 +67,7 @@ FLIGHT = COR | {
     QuantityName.CONTACT_END,
     QuantityName.CONTACT_FRAMES,
 }
-
-"""What hangs on the fitted flight."""
+"""Quantities that depend on the fitted flight."""
 
 PENDULUM = COR | {
     QuantityName.PENDULUM_SPEED_BEFORE,
@@ -84,11 +75,10 @@ PENDULUM = COR | {
     QuantityName.ENERGY_LOSS,
     QuantityName.EXTERNAL_IMPULSE,
 }
-
-"""What hangs on the pendulum's motion, its inertia and the masses."""
+"""Quantities that depend on the pendulum's motion, its inertia and the masses."""
 
 _BY_MASSES = frozenset({QuantityName.COR_LAUNCH, QuantityName.COR_RANGE, QuantityName.COR})
-"""What the ratio of ball and pendulum enters."""
+"""Quantities that depend on the mass ratio of ball and pendulum."""
 
 CONTACT = frozenset(
     {
@@ -98,8 +88,7 @@ CONTACT = frozenset(
         QuantityName.CONTACT_FRAMES,
     }
 )
-
-"""What hangs on where the mass' face meets the ball."""
+"""Quantities that depend on where the face of the mass meets the ball."""
 
 RATE_AND_SCALE = frozenset(QuantityName) - {
     QuantityName.CONTACT_FRAMES,
@@ -107,78 +96,74 @@ RATE_AND_SCALE = frozenset(QuantityName) - {
     QuantityName.SWING_PERIOD,
     QuantityName.SWING_DAMPING,
 }
-
-"""What hangs on the capture rate or the scale of lengths, or on the track that both are read from:
-a fall that is not gravity's may be the fault of any."""
+"""Quantities that depend on capture rate or scale, or on the track used to check both; a fall that
+contradicts gravity may have its cause in any of them."""
 
 
 @dataclass(frozen=True)
 class Contradiction:
-    """A contradiction.
+    """A contradiction found by a check.
 
     Attributes
     ----------
     quantities : frozenset of QuantityName
-        What hangs on it.
-    share : float
-        How far they may be off, over their value; of an angle over 1 rad.
-    plain : bool
-        Whether it is beyond repair: they are withheld.
+        Affected quantities.
+    relative_error : float
+        Their possible error over their value; for an angle over 1 rad.
+    certain : bool
+        Whether they are withheld regardless of `relative_error`.
     statement : str
-        The reason, where they are.
+        The reason if they are withheld.
     """
 
     quantities: frozenset[QuantityName]
-    share: float
-    plain: bool
+    relative_error: float
+    certain: bool
     statement: str
 
 
-def doubted(found: dict[str, Quantity], doubts: Iterable[Contradiction]) -> dict[str, Quantity]:
-    """The quantities, widened or withheld by what contradicts them."""
+def apply_contradictions(
+    found: dict[str, Quantity], contradictions: Iterable[Contradiction]
+) -> dict[str, Quantity]:
+    """Widen or withhold the quantities affected by contradictions."""
     out = dict(found)
-    for doubt in doubts:
-        withheld = doubt.plain or doubt.share > WITHHELD_BEYOND
-        for name in doubt.quantities:
+    for contradiction in contradictions:
+        withheld = contradiction.certain or contradiction.relative_error > MAX_CONTRADICTION
+        for name in contradiction.quantities:
             item = out.get(name)
             if item is None or item.value is None:
                 continue
             out[name] = (
-                Quantity.missing(name.value, item.unit, doubt.statement)
+                Quantity.missing(name.value, item.unit, contradiction.statement)
                 if withheld
-                else _widened(item, doubt.share)
+                else _widened(item, contradiction.relative_error)
             )
     return out
 
 
-def _widened(item: Quantity, share: float) -> Quantity:
+def _widened(item: Quantity, relative_error: float) -> Quantity:
     assert item.value is not None
-    reach = math.degrees(1.0) if item.unit == "deg" else abs(item.value)
-    line = Contribution(UncertaintySource.CONTRADICTION, share * reach)
+    scale = math.degrees(1.0) if item.unit == "deg" else abs(item.value)
+    line = Contribution(UncertaintySource.CONTRADICTION, relative_error * scale)
     budget = tuple(sorted((*item.budget, line), key=lambda one: -one.std))
     return Quantity.measured(item.name, item.value, item.unit, budget)
 
 
-LEAST_POWER = 0.5
-
-"""Probability of noticing an error that matters; a check that would rather miss it can't tell."""
+MIN_CHECK_POWER = 0.5
+"""Minimum probability of detecting a relevant error for a check to pass (chosen)."""
 
 OTHER_SPEEDS: dict[str, str] = {"ball_speed_per_frame": "m/s", "ball_speed_eq7": "m/s"}
-
-"""Name and unit of what is shown beside the quantities of the contract."""
+"""Name and unit of values shown in addition to the quantities of the contract."""
 
 _STEPS = 4
-
-"""Frame steps of the displacement just after release: fewer are noise, more are slowed by gravity
-and air."""
+"""Frame steps of the displacement after release (chosen: fewer are noisy, more are affected by
+gravity and air)."""
 
 _SIGMAS = 3.0
+"""Standard deviations (convention: exceeded by 1 correct clip in 370)."""
 
-"""Standard deviations: of honest clips one in 370 fails by chance."""
-
-RELEVANT_SHARE = 0.1
-
-"""Of the ball's speed: a disagreement that would matter to a coefficient of restitution."""
+RELEVANT_SPEED_FRACTION = 0.1
+"""Of the ball's speed: smallest disagreement relevant to a coefficient of restitution (chosen)."""
 
 
 def speed_per_frame(tracks: MetricTracks, flight: FlightFit) -> tuple[float, float]:
@@ -187,27 +172,27 @@ def speed_per_frame(tracks: MetricTracks, flight: FlightFit) -> tuple[float, flo
     Returns
     -------
     speed, std : float
-        m/s; the standard uncertainty is that of the two ends.
+        m/s; the standard uncertainty comes from the two end points.
     """
     used = np.flatnonzero(np.isin(tracks.ball_time_s, flight.time_s))[: _STEPS + 1]
-    way = tracks.ball_m[used[-1]] - tracks.ball_m[used[0]]
+    displacement = tracks.ball_m[used[-1]] - tracks.ball_m[used[0]]
     took = float(tracks.ball_time_s[used[-1]] - tracks.ball_time_s[used[0]])
     spread = sum(float(np.trace(tracks.ball_cov_m2[end])) / 2 for end in (used[0], used[-1]))
-    # few frames beside the mass: what changes slowly along the outline does not average out of them
-    return float(np.hypot(*way)) / took, math.sqrt(spread) * math.hypot(
+    # few frames next to the mass: slowly varying errors of the outline do not average out
+    return float(np.hypot(*displacement)) / took, math.sqrt(spread) * math.hypot(
         1.0, SLOW_OVER_RANDOM
     ) / took
 
 
 def speed_by_pendulum(body: Pendulum, ball_mass: float, before: float, after: float) -> float:
-    """Ball's speed from what the pendulum loses, M_E (v_M⁰ − v_M) / m_B (Eqs 7 and 8), m/s."""
+    """Ball speed from the pendulum's loss of speed, M_E (v_M⁰ − v_M) / m_B (Eqs 7 and 8), m/s."""
     return body.mass_at_contact * (before - after) / ball_mass
 
 
-def gravity_share(
+def eq7_gravity_excess(
     body: Pendulum, ball_mass: float, angle: float, arm: float, pull: tuple[float, float]
 ) -> float:
-    """What of it is no impulse on the ball: the pendulum's own weight slows it meanwhile.
+    """Part of Eq. 7 that is no impulse on the ball: gravity slows the pendulum during contact.
 
     Parameters
     ----------
@@ -219,12 +204,12 @@ def gravity_share(
     arm : float
         Pivot to the point of contact, m.
     pull : (2,) tuple of float
-        Gravity (m/s²) and how long the contact lasts (s).
+        Gravity (m/s²) and duration of contact (s).
 
     Returns
     -------
     float
-        m/s of ball speed that Eq. 7 gives too much.
+        Excess of Eq. 7, m/s of ball speed.
     """
     gravity, duration = pull
     slowed = body.mass * gravity * body.com * math.sin(angle) * duration / body.inertia
@@ -232,43 +217,42 @@ def gravity_share(
 
 
 @dataclass(frozen=True)
-class SpeedsAgree:
-    """The check, and by what share of the ball's speed each of the others contradicts it.
+class SpeedComparison:
+    """The check, and the relative differences of the other speeds from the fitted one.
 
     Attributes
     ----------
     check : Check
-    flight_apart : float
-        Displacement per frame against the fit: the flight itself is in doubt. 0 where they agree.
-    pendulum_apart : float
-        Eq. 7 against the fit: the pendulum's speeds or the masses are in doubt.
+    flight_difference : float
+        Displacement per frame against the fit, relevant to the flight; 0 if they agree.
+    pendulum_difference : float
+        Eq. 7 against the fit, relevant to the pendulum's speeds or the masses; 0 if they agree.
     """
 
     check: Check
-    flight_apart: float
-    pendulum_apart: float
+    flight_difference: float
+    pendulum_difference: float
 
 
-def contact_doubted(speeds: SpeedsAgree, bound: Check | None) -> Contradiction | None:
-    """What the ball's speeds say of the contact; None where nothing.
+def contact_contradiction(speeds: SpeedComparison, bound: Check | None) -> Contradiction | None:
+    """Contradiction of the contact by the ball's speeds, or None.
 
-    That the pendulum loses another momentum than the ball gains may be the fault of its numbers,
-    which the contact does not hang on. Where the contact besides is not surely one that such a ball
-    can have, what was followed is no mass that struck it.
+    If Eq. 7 disagrees, the pendulum's properties may be wrong, which do not affect the contact. If
+    in addition the contact may be too long for the ball, the tracked mass was not the striker.
 
     Parameters
     ----------
-    speeds : SpeedsAgree
+    speeds : SpeedComparison
     bound : Check or None
-        Of the contact time against the longest possible.
+        Check of the contact time against its upper bound.
     """
     surely_possible = bound is not None and bound.outcome is CheckOutcome.PASSED
-    if speeds.pendulum_apart == 0.0 or surely_possible:
+    if speeds.pendulum_difference == 0.0 or surely_possible:
         return None
-    said = (
+    statement = (
         speeds.check.statement if bound is None else f"{bound.statement}; {speeds.check.statement}"
     )
-    return Contradiction(CONTACT, speeds.pendulum_apart, False, said)
+    return Contradiction(CONTACT, speeds.pendulum_difference, False, statement)
 
 
 @dataclass(frozen=True)
@@ -281,13 +265,13 @@ class _Compared:
         return abs(self.apart) > _SIGMAS * self.std
 
 
-def speeds_agree(found: dict[str, Quantity]) -> SpeedsAgree | None:
-    """Whether the paper's ways agree with the fitted speed at release.
+def compare_speeds(found: dict[str, Quantity]) -> SpeedComparison | None:
+    """Check the paper's methods against the fitted speed at release.
 
     Parameters
     ----------
     found : dict
-        Quantities by name, those of `OTHER_SPEEDS` and the share of gravity in Eq. 7 among them.
+        Quantities by name, including those of `OTHER_SPEEDS` and the effect of gravity in Eq. 7.
     """
     fitted, frames = found["ball_speed"], found["ball_speed_per_frame"]
     if fitted.value is None or frames.value is None:
@@ -303,13 +287,13 @@ def speeds_agree(found: dict[str, Quantity]) -> SpeedsAgree | None:
         )
         by_pendulum = _compared(pendulum, fitted, weight.value)
     text += f"; the fitted flight {fitted.value:.3f} ± {fitted.std:.3f} m/s"
-    relevant = RELEVANT_SHARE * abs(fitted.value)
+    relevant = RELEVANT_SPEED_FRACTION * abs(fitted.value)
     power = float(scipy.special.ndtr(-_SIGMAS + relevant / min(along.std, by_pendulum.std)))
-    outcome = CheckOutcome.PASSED if power >= LEAST_POWER else CheckOutcome.UNDECIDED
+    outcome = CheckOutcome.PASSED if power >= MIN_CHECK_POWER else CheckOutcome.UNDECIDED
     if along.differs or by_pendulum.differs:
         outcome = CheckOutcome.FAILED
         text = f"the ball's speeds disagree: {text}; {_suspects(along, by_pendulum)}"
-    return SpeedsAgree(
+    return SpeedComparison(
         Check(CheckKind.BALL_SPEEDS, outcome, text, power),
         abs(along.apart) / abs(fitted.value) if along.differs else 0.0,
         abs(by_pendulum.apart) / abs(fitted.value) if by_pendulum.differs else 0.0,
@@ -324,161 +308,161 @@ def _compared(one: Quantity, other: Quantity, excess: float) -> _Compared:
 
 def _suspects(along: _Compared, by_pendulum: _Compared) -> str:
     if along.differs:
-        return "the flight does not begin where it seems to, or something else was followed"
-    return "check masses and inertia in the setup file, and that the mass was followed"
+        return "release may be at another time, or another object was tracked"
+    return "check masses and inertia in the setup file, and that the mass was tracked"
 
 
-RELEVANT_SIZE_SHARE = 0.05
-"""Of the radius: a twentieth more or less moves the contact by a third of its time."""
+RELEVANT_SIZE_FRACTION = 0.05
+"""Of the radius: smallest relevant deviation (chosen: 5 % moves the contact by 1/3 of it)."""
 
 
 @dataclass(frozen=True)
-class HeldAgainst:
-    """The check, and what it puts in doubt.
+class CheckResult:
+    """A check and the contradictions found by it.
 
     Attributes
     ----------
     check : Check
-    doubts : tuple of Contradiction
-        Empty where both agree.
+    contradictions : tuple of Contradiction
+        Empty if the check passed.
     """
 
     check: Check
-    doubts: tuple[Contradiction, ...]
+    contradictions: tuple[Contradiction, ...]
 
 
 def ball_size(
-    looks_m: float, share: float, given_m: float, found: dict[str, Quantity]
-) -> HeldAgainst | None:
-    """Hold the size that was followed, at the scale of the ball plane, against the diameter.
+    observed_m: float, relative_std: float, given_m: float, found: dict[str, Quantity]
+) -> CheckResult | None:
+    """Check the observed size, at the scale of the ball plane, against the given diameter.
 
     Parameters
     ----------
-    looks_m : float
-        Diameter as it looks where something else than the ball tells the scale, m.
-    share : float
-        Relative standard uncertainty of that and of what is given.
+    observed_m : float
+        Observed diameter at a scale from another source, m.
+    relative_std : float
+        Relative standard uncertainty of both.
     given_m : float
-        The diameter that is given, m.
+        Given diameter, m.
     found : dict
-        Quantities by name, before anything is doubted.
+        Quantities by name, before any is withheld.
 
     Returns
     -------
-    HeldAgainst or None
-        None where no speed tells how sure the scale is.
+    CheckResult or None
+        None without a speed, which gives the uncertainty of the scale.
     """
     speed, lasts = found[QuantityName.BALL_SPEED], found[QuantityName.CONTACT_TIME]
     if speed.value is None or speed.std is None:
         return None
-    std = math.hypot(share, speed.std / speed.value)
+    std = math.hypot(relative_std, speed.std / speed.value)
     check = size_at_scale(
-        looks_m, std, given_m, "check the diameter, the grid's pitch and the taped distances"
+        observed_m, std, given_m, "check the diameter, the grid's pitch and the measured distances"
     )
     if check.outcome is not CheckOutcome.FAILED:
-        return HeldAgainst(check, ())
-    apart = abs(looks_m / given_m - 1.0)
-    doubts = [Contradiction(RATE_AND_SCALE, apart, False, check.statement)]
+        return CheckResult(check, ())
+    apart = abs(observed_m / given_m - 1.0)
+    contradictions = [Contradiction(RATE_AND_SCALE, apart, False, check.statement)]
     if lasts.value is not None:
-        # face and surface of the ball meet and part by so much earlier or later
+        # face and surface of the ball touch and separate earlier or later by this
         moved = apart * given_m / (speed.value * lasts.value)
-        doubts.append(Contradiction(CONTACT, moved, False, check.statement))
-    return HeldAgainst(check, tuple(doubts))
+        contradictions.append(Contradiction(CONTACT, moved, False, check.statement))
+    return CheckResult(check, tuple(contradictions))
 
 
-def size_at_scale(looks_m: float, share: float, given_m: float, advice: str) -> Check:
-    """Check the diameter that a ball has at the scale of its plane against what is said of it.
+def size_at_scale(observed_m: float, relative_std: float, given_m: float, advice: str) -> Check:
+    """Check the observed diameter at the scale of its plane against the given one.
 
     Parameters
     ----------
-    looks_m, share : float
-        As it looks, m, and the relative standard uncertainty of that beside what is given.
+    observed_m, relative_std : float
+        Observed diameter, m, and relative standard uncertainty of both.
     given_m : float
-        As it is said to be, m.
+        Given diameter, m.
     advice : str
-        What to do where they differ.
+        What to do if they differ.
     """
-    # what is uncertain by a share of itself is so by as much less where it is smaller
-    std = share * looks_m / given_m
-    power = float(scipy.special.ndtr(-_SIGMAS + RELEVANT_SIZE_SHARE / std))
+    # relative to the given diameter
+    std = relative_std * observed_m / given_m
+    power = float(scipy.special.ndtr(-_SIGMAS + RELEVANT_SIZE_FRACTION / std))
     text = (
-        f"the ball looks {1e3 * looks_m:.3g} mm across at the scale of its plane, and is said to"
-        f" be {1e3 * given_m:.3g} mm"
+        f"the tracked object is {1e3 * observed_m:.3g} mm wide at the scale of its plane; the given"
+        f" diameter is {1e3 * given_m:.3g} mm"
     )
-    if abs(looks_m / given_m - 1.0) > _SIGMAS * std:
+    if abs(observed_m / given_m - 1.0) > _SIGMAS * std:
         return Check(CheckKind.BALL_SIZE, CheckOutcome.FAILED, f"{text}: {advice}", power)
-    outcome = CheckOutcome.PASSED if power >= LEAST_POWER else CheckOutcome.UNDECIDED
+    outcome = CheckOutcome.PASSED if power >= MIN_CHECK_POWER else CheckOutcome.UNDECIDED
     return Check(CheckKind.BALL_SIZE, outcome, text, power)
 
 
-ARM_SHARE = 0.05
-"""Of the arm: how far it looks too long or too short in the plane of the ball, root mean square
-over path-traced rooms."""
+ARM_RELATIVE_STD = 0.05
+"""Relative std of the observed arm in the ball plane (fitted: path-traced scenes)."""
 
-RELEVANT_ARM_SHARE = 0.2
-"""Of the length: a fifth more or less makes the inertia that was measured on another pendulum
-another by half."""
+RELEVANT_ARM_FRACTION = 0.2
+"""Smallest relevant relative difference in length (chosen: 20 % of length is 50 % of inertia)."""
 
 
-def pendulum_length(seen_m: float, inputs: Inputs) -> HeldAgainst:
-    """Hold the arm to the point of contact against that of the pendulum whose inertia is used.
+def pendulum_length(seen_m: float, inputs: Inputs) -> CheckResult:
+    """Check the arm to the point of contact against the pendulum whose inertia is used.
 
     Parameters
     ----------
     seen_m : float
-        As it looks in the plane of the ball, m.
+        Observed length in the ball plane, m.
     inputs : Inputs
-        The pendulum's numbers, and whether anybody gave them.
+        Properties of the pendulum and their sources.
     """
     length = inputs.rig.length
-    std = math.hypot(ARM_SHARE, length.relative_std)
+    std = math.hypot(ARM_RELATIVE_STD, length.relative_std)
     apart = math.log(seen_m / length.value)
-    power = float(scipy.special.ndtr(-_SIGMAS + RELEVANT_ARM_SHARE / std))
-    given = "the paper's" if length.value_from is Origin.PRESET else "that of the setup file"
+    power = float(scipy.special.ndtr(-_SIGMAS + RELEVANT_ARM_FRACTION / std))
+    given = "assumed" if length.value_from is Origin.PRESET else "given in the setup file"
     text = (
-        f"the pendulum's arm looks {seen_m:.2f} m long up to where it meets the ball, and {given}"
-        f" is {length.value:.2f} m"
+        f"the pendulum's observed arm is {seen_m:.2f} m long, but the one {given} is"
+        f" {length.value:.2f} m long"
     )
     if abs(apart) <= _SIGMAS * std:
-        outcome = CheckOutcome.PASSED if power >= LEAST_POWER else CheckOutcome.UNDECIDED
-        return HeldAgainst(Check(CheckKind.PENDULUM_LENGTH, outcome, text, power), ())
+        outcome = CheckOutcome.PASSED if power >= MIN_CHECK_POWER else CheckOutcome.UNDECIDED
+        return CheckResult(Check(CheckKind.PENDULUM_LENGTH, outcome, text, power), ())
     text += (
-        ": give this pendulum's length, inertia and mass ([pendulum] in the setup file), or check"
+        ": set this pendulum's length, inertia and mass ([pendulum] in the setup file), or check"
         " the scale"
     )
-    # the inertia goes with the square of the length at least
+    # the inertia scales at least with the square of the length
     off = 2.0 * abs(apart)
-    doubts = [Contradiction(frozenset({QuantityName.ENERGY_LOSS}), off, False, text)]
+    contradictions = [Contradiction(frozenset({QuantityName.ENERGY_LOSS}), off, False, text)]
     ball = inputs.ball
     if ball is not None and ball.mass is not None:
         by_masses = off * ball.mass / inputs.pendulum.mass_at_contact
-        doubts.append(Contradiction(_BY_MASSES, by_masses, False, text))
+        contradictions.append(Contradiction(_BY_MASSES, by_masses, False, text))
     check = Check(CheckKind.PENDULUM_LENGTH, CheckOutcome.FAILED, text, power)
-    return HeldAgainst(check, tuple(doubts))
+    return CheckResult(check, tuple(contradictions))
 
 
-def passive_contact(found: dict[str, Quantity]) -> HeldAgainst | None:
-    """Hold the COR against 1: more speed than it takes, no contact without a spring returns.
+def passive_contact(found: dict[str, Quantity]) -> CheckResult | None:
+    """Check the COR against 1, the maximum of a passive contact.
 
     Parameters
     ----------
     found : dict
-        Quantities by name, before anything is doubted.
+        Quantities by name, before any is withheld.
 
     Returns
     -------
-    HeldAgainst or None
-        None where the COR is not known, or may be 1 or less: that speaks for nothing.
+    CheckResult or None
+        None if the COR is unknown or not significantly above 1.
     """
     cor = found[QuantityName.COR]
     if cor.value is None or cor.std is None or cor.value - 1.0 <= _SIGMAS * cor.std:
         return None
     text = (
-        f"the coefficient of restitution comes out at {cor.value:.3f} ± {cor.std:.3f}, and no"
-        " passive contact returns more speed than it takes: another thing than the mass or the"
-        " ball was followed, or the scale, the rate or the pendulum's numbers are wrong; look at"
-        " the overlay, and point with --mass-at X,Y and --ball-at X,Y"
+        f"the coefficient of restitution is {cor.value:.3f} ± {cor.std:.3f}, but a passive contact"
+        " has at most 1: another object than the mass or the ball was tracked, or the scale, the"
+        " rate or the pendulum's properties are wrong. Check the overlay, and point with --mass-at"
+        " X,Y and --ball-at X,Y"
     )
-    # at least so far, where the excess alone is the error of one speed
-    doubt = Contradiction(PENDULUM | {QuantityName.BALL_SPEED}, 1.0 - 1.0 / cor.value, False, text)
-    return HeldAgainst(Check(CheckKind.PASSIVE, CheckOutcome.FAILED, text), (doubt,))
+    # at least this much if the excess is the error of one speed
+    contradiction = Contradiction(
+        PENDULUM | {QuantityName.BALL_SPEED}, 1.0 - 1.0 / cor.value, False, text
+    )
+    return CheckResult(Check(CheckKind.PASSIVE, CheckOutcome.FAILED, text), (contradiction,))

@@ -1,10 +1,7 @@
-"""The commands that measure clips: demo, measure, contact-time, launch, landing, cor.
+"""Commands that measure clips: demo, measure, contact-time, launch, landing, cor.
 
-Many clips at once: processes that outlive crashes, and a folder of results that grows.
-
-Tasks shared out to processes: one that crashes loses its task only, and all end at once.
-
-`vision measure CLIP… --out DIR -j N`: a folder of results that grows clip by clip.
+Several clips are measured in processes that survive crashes, into a folder of results that grows
+clip by clip (`vision measure CLIP… --out DIR -j N`).
 """
 
 import csv
@@ -62,12 +59,12 @@ from pipelines.measure.budget import Propagation
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measure.files import (
     WantedFiles,
-    harmless,
     measurement_as_json,
     measurement_as_row,
     measurements_as_csv,
     results_table,
     software_version,
+    without_formulas,
 )
 from pipelines.measure.inputs import QuantityName, gather_inputs, kinds_of
 from pipelines.measure.measurement import QUANTITY_UNITS, ClipMeasurement
@@ -97,18 +94,18 @@ Task = TypeVar("Task")
 
 Result = TypeVar("Result")
 
-# Forked copies of OpenCV's and BLAS' threads hang; a fresh interpreter does not.
+# Forked copies of the threads of OpenCV and BLAS hang; a fresh interpreter does not.
 _FRESH = multiprocessing.get_context("spawn")
 
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class WorkerDied(Exception):
-    """The process ended while it had the task."""
+    """The process ended while it worked on the task."""
 
 
 class _Worker(Generic[Task]):
-    """A process with the pipe to it, and the task it is at."""
+    """A process with the pipe to it and its current task."""
 
     def __init__(self, function: Callable[[Any], Any]) -> None:
         self.pipe, theirs = _FRESH.Pipe()
@@ -118,13 +115,13 @@ class _Worker(Generic[Task]):
         theirs.close()
 
     def give(self, task: Task) -> None:
-        """Hand over a task; one that has died meanwhile is noticed when it should answer."""
+        """Send a task; a dead process is noticed when its answer is read."""
         self.task = task
         with suppress(OSError):
             self.pipe.send(task)
 
     def end(self) -> None:
-        """End it, whatever it is at."""
+        """Terminate the process."""
         self.process.terminate()
         self.process.join()
         self.pipe.close()
@@ -133,21 +130,21 @@ class _Worker(Generic[Task]):
 def run_tasks(
     function: Callable[[Task], Result], tasks: Iterable[Task], workers: int
 ) -> Iterator[tuple[Task, Result | Exception]]:
-    """Do the tasks in processes; give each with its result, or what it raised, as they finish.
+    """Run tasks in processes; yield each with its result or exception as they finish.
 
     Parameters
     ----------
     function : callable
-        Of a module, so that a fresh process finds it; tasks and results are pickled.
+        Defined in a module, so that a fresh process can import it; tasks and results are pickled.
     tasks : iterable
     workers : int
-        Processes at once.
+        Number of processes.
 
     Yields
     ------
     task, result
-        `WorkerDied` as the result where the process ended with the task in hand. Leaving the
-        iteration, by Ctrl-C too, ends all processes.
+        The result is `WorkerDied` if the process ended during the task. Leaving the iteration, also
+        by Ctrl-C, ends all processes.
     """
     waiting = iter(tasks)
     busy: list[_Worker[Task]] = []
@@ -189,8 +186,8 @@ def _started(function: Callable[[Task], Result], task: Task) -> _Worker[Task]:
 
 
 def _serve(pipe: Connection, function: Callable[[Any], Any]) -> None:
-    """What a worker does: answer until the other end is gone."""
-    # Ctrl-C reaches every process of the terminal; only the first one decides what it means.
+    """Answer tasks until the other end of the pipe is closed."""
+    # Ctrl-C reaches every process of the terminal; the parent decides what it means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     for name in _ONE_THREAD:
         os.environ.setdefault(name, "1")
@@ -204,12 +201,12 @@ def _serve(pipe: Connection, function: Callable[[Any], Any]) -> None:
             pipe.send(answer)
 
 
-_TOLD = ("contact_time", "ball_speed", "cor")
+_SUMMARIZED = ("contact_time", "ball_speed", "cor")
 
 
 @dataclass(frozen=True)
 class Job:
-    """One clip to measure, and where its files go."""
+    """One clip to measure and its output files."""
 
     clip: Path
     options: MeasureOptions
@@ -219,26 +216,26 @@ class Job:
 
 @dataclass(frozen=True)
 class Done:
-    """A clip that is measured, or why it is not."""
+    """A measured clip, or why it was not measured."""
 
     clip: Path
     row: Mapping[str, object] | None
-    told: str
+    summary: str
     problem: ImpactVisionError | None = None
 
 
 class Folder:
-    """The results of a folder: ``results.csv``, one row a clip, and what they were made with.
+    """Results of a folder: ``results.csv``, one row per clip, and a digest of their options.
 
     Parameters
     ----------
     out : Path
-        Made where it does not exist.
+        Created if it does not exist.
 
     Raises
     ------
     UsageError
-        If it can't be made, or holds a ``results.csv`` that is none.
+        If it can't be created, or its ``results.csv`` is not a table of results.
     """
 
     def __init__(self, out: Path) -> None:
@@ -255,12 +252,12 @@ class Folder:
             ) from problem
 
     def holds(self, clip: Path, digest: str) -> bool:
-        """Whether the clip was measured before, from the same file and with the same options."""
+        """Whether the clip was measured from the same file with the same options."""
         return self._made.get(str(clip)) == digest and str(clip) in self._rows
 
     def add(self, clip: Path, row: Mapping[str, object], digest: str) -> None:
-        """Take up a row, in place of an earlier one of the clip; the table is written whole."""
-        self._rows[str(clip)] = {name: _cell(cell) for name, cell in harmless(row).items()}
+        """Add a row, replacing an earlier one of the clip; the table is written completely."""
+        self._rows[str(clip)] = {name: _cell(cell) for name, cell in without_formulas(row).items()}
         self._made[str(clip)] = digest
         columns = dict.fromkeys(name for one in self._rows.values() for name in one)
         text = io.StringIO()
@@ -272,9 +269,9 @@ class Folder:
 
 
 def files_of(out: Path, clips: Sequence[Path], wanted: WantedFiles) -> dict[Path, WantedFiles]:
-    """What is written for each clip: ``DIR/CLIP.json``, and ``DIR/CLIP.NAME`` for each file asked.
+    """Output files of each clip: ``DIR/CLIP.json``, and ``DIR/CLIP.NAME`` for each file requested.
 
-    Clips of one name in several folders are told apart by a number.
+    Clips of the same name in several folders get a number.
     """
     taken: dict[str, int] = {}
     placed = {}
@@ -298,29 +295,29 @@ def files_of(out: Path, clips: Sequence[Path], wanted: WantedFiles) -> dict[Path
     return placed
 
 
-def digest_of(clip: Path, said: Sequence[str]) -> str:
-    """Of the file as it stands and of what was said."""
+def digest_of(clip: Path, option_texts: Sequence[str]) -> str:
+    """Digest of a clip's size and time stamp, the options and the software version."""
     about = clip.stat() if clip.exists() else None
     stamp = "" if about is None else f"{about.st_size} {about.st_mtime_ns}"
-    words = "\n".join([software_version(), stamp, *said])
+    words = "\n".join([software_version(), stamp, *option_texts])
     return hashlib.sha256(words.encode()).hexdigest()
 
 
 def measure_all(
-    jobs: Sequence[Job], folder: Folder, said: Sequence[str], workers: int
+    jobs: Sequence[Job], folder: Folder, option_texts: Sequence[str], workers: int
 ) -> Iterator[Done]:
-    """Measure the clips that the folder does not hold yet; give each as it finishes.
+    """Measure the clips that the folder does not have yet; yield each as it finishes.
 
     Parameters
     ----------
     jobs : sequence of Job
     folder : Folder
-        Takes up each row before it is given.
-    said : sequence of str
-        All options, as typed, and the setup file's text: another word means measuring again.
+        Receives each row before it is yielded.
+    option_texts : sequence of str
+        All options as typed, and the setup file's text; a change means measuring again.
     workers : int
     """
-    digests = {job.clip: digest_of(job.clip, said) for job in jobs}
+    digests = {job.clip: digest_of(job.clip, option_texts) for job in jobs}
     left = [job for job in jobs if not folder.holds(job.clip, digests[job.clip])]
     for job in jobs:
         if job not in left:
@@ -331,27 +328,29 @@ def measure_all(
         elif isinstance(result, WorkerDied):
             problem = ImpactVisionError(
                 f"{job.clip}: {result}",
-                hint="Give the same command again; if it ends so again, copy the clip anew.",
+                hint="Run the same command again. If it fails again, copy the clip anew.",
             )
             yield Done(job.clip, None, str(problem), problem)
         elif isinstance(result, Exception):
             raise result
         else:
-            row, told = result
+            row, summary = result
             folder.add(job.clip, row, digests[job.clip])
-            yield Done(job.clip, row, told)
+            yield Done(job.clip, row, summary)
 
 
 def _measure_job(job: Job) -> tuple[dict[str, object], str]:
-    """Measure one clip and write its files; the row, and a line to tell."""
+    """Measure one clip and write its files; return its row and a summary line."""
     measured = measure_clip(job.clip, job.options)
     job.wanted.write(measured, job.clip, job.names)
-    told = [
+    summary = [
         f"{quantity_label(item.name)} {quantity_text(item)}"
         for item in measured.quantities
-        if item.name in _TOLD and item.known
+        if item.name in _SUMMARIZED and item.known
     ]
-    return measurement_as_row(measured, job.names), ", ".join(told) or "nothing could be measured"
+    return measurement_as_row(measured, job.names), ", ".join(
+        summary
+    ) or "nothing could be measured"
 
 
 def _read_rows(table: Path) -> dict[str, dict[str, str]]:
@@ -360,7 +359,7 @@ def _read_rows(table: Path) -> dict[str, dict[str, str]]:
         return {}
     rows = [*csv.DictReader(io.StringIO(text))]
     if rows and "clip" not in rows[0]:
-        raise ValueError(f"{table} is no table of results: it has no column clip")
+        raise ValueError(f"{table} is not a table of results: it has no column clip")
     return {row["clip"].removeprefix("'"): row for row in rows}
 
 
@@ -374,7 +373,7 @@ def _cell(cell: object) -> str:
 
 BudgetOption = Annotated[
     Propagation,
-    typer.Option("--budget", help="Uncertainties: linear response of the fits, or slow refits."),
+    typer.Option("--budget", help="Uncertainties by linear response of the fits, or slow refits."),
 ]
 
 CONTACT = ("contact_frames", "contact_time", "contact_start", "contact_end")
@@ -421,7 +420,7 @@ def measure_command(
     Many clips: vision measure clips/*.mp4 --setup lab.toml --out results -j 2 --report report.html
     writes results/CLIP.json and results/CLIP.report.html for each, and results/results.csv.
 
-    Tracked elsewhere: vision measure clip.mp4 --from-tracks clip.trk --tracks clip.kva
+    Tracks of another program: vision measure clip.mp4 --from-tracks clip.trk --tracks clip.kva
     """
     wanted, options = _begin(locals())
     clips = list(clips or [])
@@ -430,29 +429,31 @@ def measure_command(
         return
     if columns is not None or not clips:
         raise UsageError(
-            "--columns tells the columns of --from-tracks"
+            "--columns needs --from-tracks: it names the columns of that table"
             if clips
-            else "there is no clip to measure",
+            else "no clip given",
             hint="vision measure CLIP, or vision measure --from-tracks FILE",
         )
     if out is not None:
-        said = [str(word) for word in (fps, ball, wall_grid, ball_at, mass_at, *_asked(wanted))]
-        said += ["" if scale is None else scale, str(budget)]
-        said.append("" if setup is None else setup.read_text(encoding="utf-8"))
-        _into_folder(clips, options, wanted, Folder(out), said, jobs or os.cpu_count() or 1)
+        option_texts = [
+            str(word) for word in (fps, ball, wall_grid, ball_at, mass_at, *_asked(wanted))
+        ]
+        option_texts += ["" if scale is None else scale, str(budget)]
+        option_texts.append("" if setup is None else setup.read_text(encoding="utf-8"))
+        _into_folder(clips, options, wanted, Folder(out), option_texts, jobs or os.cpu_count() or 1)
         return
     if jobs is not None:
-        raise UsageError("-j measures several clips at once into a folder", hint="Add --out DIR.")
+        raise UsageError("-j measures several clips into a folder", hint="Add --out DIR.")
     if len(clips) > 1 and (tracks or overlay or plot or report or json):
         raise UsageError(
             "--tracks, --overlay, --plot, --report and --json take one clip at a time",
-            hint="Several clips go into one --csv, or with all their files into --out DIR.",
+            hint="For several clips use one --csv, or --out DIR for all files of each.",
         )
     _several(clips, options, wanted, tuple(QuantityName))
 
 
 def _begin(given: Mapping[str, Any]) -> tuple[WantedFiles, MeasureOptions]:
-    """What to write and how to measure, of a command's arguments by their names."""
+    """Requested files and measuring options from a command's arguments by name."""
     wanted = WantedFiles(**{one.name: given[one.name] for one in fields(WantedFiles)})
     wanted.require_kinds()
     how = ("setup", "fps", "ball", "wall_grid", "ball_at", "mass_at", "scale", "budget")
@@ -461,7 +462,7 @@ def _begin(given: Mapping[str, Any]) -> tuple[WantedFiles, MeasureOptions]:
 
 
 def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # type: ignore[no-untyped-def]
-    """Command for one group of quantities; they differ in nothing else."""
+    """Command for one group of quantities."""
 
     def command(
         clip: ClipArgument,
@@ -487,7 +488,7 @@ def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # t
         inputs = gather_inputs(options.setup, options.ball, options.wall_grid)
         missing = missing_input(inputs, needed)
         if missing is not None and not wanted.quiet:
-            # what else the clip shows is told all the same, but whoever waits for this one need not
+            # other quantities are still measured; this warning comes before the wait
             screen(errors=True).print(f"warning: {unmeasurable}: {missing}", soft_wrap=True)
         if not wanted.pictures:
             options = replace(options, wanted=names)
@@ -503,7 +504,7 @@ def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # t
 contact_time_command = _make(
     CONTACT,
     "contact_time",
-    "How long mass and ball touch: frames counted, and the time between frames.",
+    "Contact time: contact frames counted, and the sub-frame value.",
     "vision contact-time clip.mp4 --fps 600",
 )
 launch_command = _make(
@@ -515,13 +516,13 @@ launch_command = _make(
 landing_command = _make(
     LANDING,
     "landing_distance",
-    "Where the ball lands, as read on the wall and corrected for projection.",
+    "Landing point and distance, read on the wall and corrected for projection.",
     "vision landing clip.mp4 --wall-grid 50mm --ball jokku",
 )
 cor_command = _make(
     (*COR, "pendulum_speed_before", "ball_speed"),
     "cor",
-    "Coefficient of restitution estimated three ways, with their agreement.",
+    "Coefficient of restitution by three methods, with their agreement.",
     "vision cor clip.mp4 --ball jokku --setup setup.toml",
 )
 
@@ -540,7 +541,7 @@ def demo_command(
     except OSError as problem:
         raise UsageError(
             f"can't make the folder {out}: {problem.strerror}",
-            hint="Name a folder that you may write to.",
+            hint="Name a folder with write permission.",
         ) from problem
     wanted = WantedFiles(
         csv=out / "results.csv",
@@ -565,14 +566,14 @@ def _into_folder(
     options: MeasureOptions,
     wanted: WantedFiles,
     folder: Folder,
-    said: Sequence[str],
+    option_texts: Sequence[str],
     workers: int,
 ) -> None:
-    """Measure clips in processes; what is done stays done, whatever happens to the rest."""
+    """Measure clips in processes; finished clips stay finished."""
     if wanted.json == "-" or wanted.csv is not None:
         raise UsageError(
-            "--out writes its own results.csv and a JSON of each clip",
-            hint="Leave --csv and --json away.",
+            "--out writes results.csv and a JSON file per clip itself",
+            hint="Omit --csv and --json.",
         )
     clips = list(dict.fromkeys(clips))
     placed = files_of(folder.out, clips, wanted)
@@ -585,15 +586,17 @@ def _into_folder(
     failures: list[ImpactVisionError] = []
     count = 0
     try:
-        for count, done in enumerate(measure_all(todo, folder, said, workers), start=1):
+        for count, done in enumerate(measure_all(todo, folder, option_texts, workers), start=1):
             if done.problem is not None:
                 failures.append(done.problem)
             if done.problem is not None or not wanted.quiet:
-                errors.print(f"{count}/{len(clips)} {done.clip.name}: {done.told}", soft_wrap=True)
+                errors.print(
+                    f"{count}/{len(clips)} {done.clip.name}: {done.summary}", soft_wrap=True
+                )
     except KeyboardInterrupt:
         errors.print(
-            f"stopped: {count} of {len(clips)} clips are done, and in {folder.table}."
-            " The same command again goes on with the rest.",
+            f"stopped: {count} of {len(clips)} clips are done and in {folder.table}."
+            " Run the same command again to continue.",
             soft_wrap=True,
         )
         raise
@@ -610,21 +613,22 @@ def _from_tracks(
     wanted: WantedFiles,
     columns: str | None,
 ) -> None:
-    """Measure what another program tracked, with the clip or without."""
+    """Measure tracks of another program, with or without the clip."""
     from pipelines.interop.measured import measure_from_tracks, settled_columns
     from pipelines.interop.tables import parse_columns
 
     if len(clips) > 1:
-        raise UsageError(
-            "--from-tracks goes with one clip", hint="Give the clip that was tracked, or none."
-        )
+        raise UsageError("--from-tracks takes one clip", hint="Give the tracked clip, or none.")
     clip = clips[0] if clips else None
     wanted.require_clip(clip)
     setup = options.setup
-    said = settled_columns(path, {**setup.columns, **parse_columns(columns)}, setup.path)
+    option_texts = settled_columns(path, {**setup.columns, **parse_columns(columns)}, setup.path)
     names = tuple(QuantityName)
     measured = _measured(
-        lambda tell: measure_from_tracks(path, options, clip, said, tell), clip, wanted, names
+        lambda tell: measure_from_tracks(path, options, clip, option_texts, tell),
+        clip,
+        wanted,
+        names,
     )
     _require_something(measured, path)
 
@@ -632,7 +636,7 @@ def _from_tracks(
 def _several(
     clips: Sequence[Path], options: MeasureOptions, wanted: WantedFiles, names: tuple[str, ...]
 ) -> None:
-    """Measure all clips; one that fails is told and does not take the others with it."""
+    """Measure all clips; report those that fail and continue."""
     if len(clips) == 1:
         _require_something(_one(clips[0], options, wanted, names), clips[0])
         return
@@ -651,13 +655,12 @@ def _several(
 
 
 _REASONS = 3
-
-"""Different reasons told where nothing is measured: the first alone may be of a quantity that could
-not be had anyhow."""
+"""Number of reasons listed if nothing is measured (chosen; the first alone may concern a quantity
+that is never measurable)."""
 
 
 def _require_something(measured: ClipMeasurement, path: Path) -> None:
-    """Refuse a measurement in which nothing is known.
+    """Refuse a measurement without any known quantity.
 
     Raises
     ------
@@ -668,11 +671,11 @@ def _require_something(measured: ClipMeasurement, path: Path) -> None:
     kind = measured.motion.kind
     named = [(item, kinds_of(item.name)) for item in measured.quantities]
     own = [item for item, kinds in named if kind in kinds and len(kinds) < len(MotionKind)]
-    told = dict.fromkeys(item.reason for item in own or measured.quantities if item.reason)
+    summary = dict.fromkeys(item.reason for item in own or measured.quantities if item.reason)
     raise MeasurementError(
-        f"nothing can be measured from {path}: {'; '.join(list(told)[:_REASONS])}",
-        hint="A flight must be seen over several frames or marks, a swing from end to end. Where"
-        " something else was followed, point with --ball-at and --mass-at; of several tracks, name"
+        f"nothing can be measured from {path}: {'; '.join(list(summary)[:_REASONS])}",
+        hint="A flight must be visible over several frames or marks, a swing from end to end. If"
+        " another object was tracked, point with --ball-at and --mass-at; among several tracks name"
         ' the ball with --columns "ball=NAME".',
     )
 
@@ -698,7 +701,7 @@ def _measured(
     *,
     budgets: bool = True,
 ) -> ClipMeasurement:
-    """Measure with a bar on the terminal, write the files, and tell."""
+    """Measure with a progress bar on the terminal, write the files and print the results."""
     errors = screen(errors=True)
     with Progress(
         TextColumn("{task.description}"),
@@ -715,7 +718,7 @@ def _measured(
         try:
             wanted.write(measured, clip, names)
         except UsageError as problem:
-            # what was measured is told all the same
+            # print the results before the error
             refused = problem
     if wanted.json == "-":
         sys.stdout.write(measurement_as_json(measured, names) + "\n")

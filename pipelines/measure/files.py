@@ -1,11 +1,4 @@
-"""A measurement as files: table, JSON, CSV, tracks, pictures.
-
-What comes out: table, JSON, CSV of results, as the contract spells them.
-
-Where the results of a measuring command go; checked before minutes of work, not after.
-
-Measurement to what people look at: overlay, plot and report.
-"""
+"""Output of a measurement: table, JSON, CSV, tracks, overlay, plots, report."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -22,7 +15,7 @@ from metrology import Quantity, UsageError, write_text_whole
 from metrology.quantity import format_quantity
 from pipelines.measure.impact import Impact, arm_along_bar, gap_after, gap_before
 from pipelines.measure.inputs import QuantityName, kinds_of
-from pipelines.measure.measurement import ClipMeasurement, kinds_beside
+from pipelines.measure.measurement import ClipMeasurement, alternative_kinds
 from pipelines.report import (
     Curve,
     GapRecord,
@@ -40,7 +33,6 @@ __all__ = [
     "WantedFiles",
     "column_name",
     "column_of",
-    "harmless",
     "measurement_as_dict",
     "measurement_as_json",
     "measurement_as_row",
@@ -49,6 +41,7 @@ __all__ = [
     "report_input",
     "results_table",
     "software_version",
+    "without_formulas",
 ]
 
 _SUFFIX = {"1": "", "m/s": "_m_s", "N s": "_N_s", "m/s^2": "_m_s2", "1/s": "_1_s", "px/s": "_px_s"}
@@ -67,7 +60,7 @@ def software_version() -> str:
 def measurement_as_dict(
     measured: ClipMeasurement, names: Sequence[str] | None = None
 ) -> dict[str, Any]:
-    """The contract's JSON of one clip; `names` keeps only some quantities."""
+    """JSON document of one clip (contract); `names` selects quantities."""
     info, rate = measured.info, measured.rate
     kept = [item for item in measured.quantities if names is None or item.name in names]
     other_speeds = _other_speeds(measured, names)
@@ -90,10 +83,10 @@ def measurement_as_dict(
         "ball": {"reasons": list(measured.tracks.reasons)},
         "others": [
             *(
-                _other(f"ball_{place}", thing)
-                for place, thing in enumerate(measured.tracks.others, start=2)
+                _other(f"ball_{place}", item)
+                for place, item in enumerate(measured.tracks.others, start=2)
             ),
-            *(_other(None, thing) for thing in measured.tracks.dismissed),
+            *(_other(None, item) for item in measured.tracks.dismissed),
         ],
         "quantities": {item.name: _as_json(item) for item in kept},
         "beside": {item.name: _as_json(item) for item in other_speeds},
@@ -130,37 +123,37 @@ def measurement_as_dict(
     }
 
 
-def _other(name: str | None, thing: FollowedObject) -> dict[str, Any]:
-    """What else moved, as the track table names it (None: it is not in there), and why it is so."""
-    frame = thing.track.frame
+def _other(name: str | None, item: FollowedObject) -> dict[str, Any]:
+    """Another moving object: its name in the track table (None: not listed) and the evidence."""
+    frame = item.track.frame
     return {
         "object": name,
-        "label": thing.model.value,
-        "reasons": list(thing.reasons),
+        "label": item.model.value,
+        "reasons": list(item.reasons),
         "frames": [int(frame[0]), int(frame[-1])] if len(frame) else None,
-        "radius_px": float(np.median(thing.track.radius_px)) if len(frame) else None,
-        "ball_at": None if thing.ball_at is None else list(thing.ball_at),
+        "radius_px": float(np.median(item.track.radius_px)) if len(frame) else None,
+        "ball_at": None if item.ball_at is None else list(item.ball_at),
     }
 
 
 def measurement_as_json(measured: ClipMeasurement, names: Sequence[str] | None = None) -> str:
-    """JSON of one clip, as the contract has it; `names` keeps only some quantities."""
+    """JSON text of one clip (contract); `names` selects quantities."""
     document = measurement_as_dict(measured, names)
     return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
 
 
 def _motion(motion: Motion) -> dict[str, Any]:
-    """What was seen to happen, what speaks for it, and what else it could be."""
+    """Motion kind, its probability and evidence, and the alternatives."""
     return {
         "kind": motion.kind.value,
         "probability": motion.probability,
         "reasons": list(motion.reasons),
-        "alternatives": {kind.value: share for kind, share in motion.alternatives},
+        "alternatives": {kind.value: probability for kind, probability in motion.alternatives},
     }
 
 
 def _other_speeds(measured: ClipMeasurement, names: Sequence[str] | None) -> tuple[Quantity, ...]:
-    """The ball's speed the paper's ways, where its speed is asked for."""
+    """The ball's speed by the paper's methods, if launch quantities are requested."""
     return measured.other_speeds if names is None or QuantityName.LAUNCH_ANGLE in names else ()
 
 
@@ -185,19 +178,19 @@ def _budget(quantity: Quantity) -> list[dict[str, Any]]:
 
 
 def column_name(name: str, unit: str) -> str:
-    """NAME_UNIT as the CSV spells it, nothing for 1."""
+    """NAME_UNIT of the CSV; no unit for 1."""
     return name + _SUFFIX.get(unit, f"_{unit}")
 
 
 def column_of(quantity: Quantity) -> str:
-    """Column of a quantity in the CSV: NAME_UNIT, nothing for 1."""
+    """Column of a quantity in the CSV: NAME_UNIT; no unit for 1."""
     return column_name(quantity.name, quantity.unit)
 
 
 def measurement_as_row(
     measured: ClipMeasurement, names: Sequence[str] | None = None
 ) -> dict[str, object]:
-    """One row of results: clip, quantities, the paper's ways, rate and its source, reasons."""
+    """One row of results: clip, quantities, other speeds, rate and its source, reasons."""
     row: dict[str, object] = {"clip": str(measured.info.path)}
     kept = [item for item in measured.quantities if names is None or item.name in names]
     items = (*kept, *_other_speeds(measured, names))
@@ -216,16 +209,16 @@ def measurements_as_csv(
     measured: Sequence[ClipMeasurement], names: Sequence[str] | None = None
 ) -> str:
     """CSV of results, one row per clip."""
-    rows = [harmless(measurement_as_row(one, names)) for one in measured]
+    rows = [without_formulas(measurement_as_row(one, names)) for one in measured]
     import pandas as pd
 
     return pd.DataFrame(rows).to_csv(index=False, lineterminator="\n")
 
 
-def harmless(row: Mapping[str, object]) -> dict[str, object]:
-    """The row with no text in it that a spreadsheet would run as a formula.
+def without_formulas(row: Mapping[str, object]) -> dict[str, object]:
+    """The row with text that a spreadsheet would run as a formula made harmless.
 
-    A clip may be called ``=cmd|…``: an apostrophe before it keeps it a word.
+    A clip may be named ``=cmd|…``: an apostrophe in front makes it text.
     """
     return {
         name: f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA_STARTS) else cell
@@ -249,13 +242,12 @@ def results_table(measured: ClipMeasurement, names: Sequence[str] | None = None)
 _PLOT_SUFFIXES = (".png", ".svg")
 
 _PROJECT_SUFFIXES = (".trk", ".kva")
-
-"""Of Tracker and Kinovea; whatever else is asked for gets the track CSV."""
+"""Of Tracker and Kinovea; other names get the track CSV."""
 
 
 @dataclass(frozen=True)
 class WantedFiles:
-    """The files asked for; `json` may be "-" for stdout."""
+    """Requested output files; `json` may be "-" for stdout."""
 
     csv: Path | None = None
     json: str | None = None
@@ -266,7 +258,7 @@ class WantedFiles:
     quiet: bool = False
 
     def files(self) -> dict[str, Path]:
-        """What people typed → the file, of those that are wanted."""
+        """Option as typed → file, for the requested files."""
         named = {
             "--csv": self.csv,
             "--json": None if self.json in (None, "-") else Path(str(self.json)),
@@ -279,11 +271,11 @@ class WantedFiles:
 
     @property
     def pictures(self) -> bool:
-        """Whether any of them shows more of the clip than the quantities that were asked for."""
+        """Whether a picture is requested that shows more than the requested quantities."""
         return not (self.overlay is None and self.plot is None and self.report is None)
 
     def require_kinds(self) -> None:
-        """Refuse an overlay or a plot whose name does not say what kind of file it is.
+        """Refuse an overlay or a plot with an unknown file ending.
 
         Raises
         ------
@@ -293,12 +285,12 @@ class WantedFiles:
         for kinds, given in (("--overlay", OVERLAY_SUFFIXES), ("--plot", _PLOT_SUFFIXES)):
             if kinds in files and files[kinds].suffix.lower() not in given:
                 raise UsageError(
-                    f"{kinds} {files[kinds]}: its name does not say what kind of file it is",
+                    f"{kinds} {files[kinds]}: unknown file ending",
                     hint=f"Name a file that ends in {', '.join(given)}.",
                 )
 
     def require_clip(self, clip: Path | None) -> None:
-        """Refuse pictures of a clip that is not given.
+        """Refuse an overlay without a clip.
 
         Raises
         ------
@@ -306,12 +298,12 @@ class WantedFiles:
         """
         if clip is None and self.overlay is not None:
             raise UsageError(
-                "--overlay draws on the clip, which is not given",
+                "--overlay needs the clip, which is not given",
                 hint="vision measure CLIP --from-tracks FILE --overlay FILE.mp4",
             )
 
     def write(self, measured: ClipMeasurement, clip: Path | None, names: Sequence[str]) -> None:
-        """Write all files; each is written whole or not at all.
+        """Write all files, each completely or not at all.
 
         Without a clip there is no overlay, and the report has no pictures of it.
 
@@ -320,7 +312,7 @@ class WantedFiles:
         UsageError
             If one can't be written.
         """
-        # each of these imports what takes longer to load than a clip to measure again
+        # imported here: each import takes longer than measuring from the cache
         files = self.files()
         if self.csv is not None:
             write_text_whole(self.csv, measurements_as_csv([measured], names))
@@ -340,7 +332,7 @@ class WantedFiles:
             write_report(
                 self.report, report_input(measured, None if clip is None else ClipReader.open(clip))
             )
-        # last: what has no curves is refused, and the other files are there all the same
+        # last: it fails if there are no curves, and the other files are then complete
         if self.plot is not None:
             from pipelines.report.plots import write_plot
 
@@ -348,7 +340,7 @@ class WantedFiles:
 
 
 def _write_tracks(path: Path, measured: ClipMeasurement, clip: Path | None) -> None:
-    """The track CSV, or the project of another program where the name says so."""
+    """Write the track CSV, or another program's project if the file ending is that of one."""
     if path.suffix.lower() in _PROJECT_SUFFIXES:
         from pipelines.interop.measured import external_of, write_tracks
 
@@ -362,14 +354,13 @@ def _write_tracks(path: Path, measured: ClipMeasurement, clip: Path | None) -> N
 FloatArray = NDArray[np.float64]
 
 _PENDULUM_STRETCH_S = 0.08
-
-"""s around the contact that are drawn: five contacts long on either side."""
+"""s around contact in plots (chosen: five contact times on either side)."""
 
 _CAPTIONS = ("contact_time", "ball_speed", "launch_angle", "landing_distance", "cor")
 
 
 def overlay_marks(measured: ClipMeasurement) -> OverlayMarks:
-    """What the overlay draws beside the tracks."""
+    """Marks of the overlay in addition to the tracks."""
     fps = measured.rate.fps
     captions = tuple(
         f"{quantity_label(item.name)}: {format_quantity(item)}"
@@ -401,7 +392,7 @@ def overlay_marks(measured: ClipMeasurement) -> OverlayMarks:
 
 
 def report_input(measured: ClipMeasurement, clip: ClipReader | None) -> ReportInput:
-    """What the one-page report shows; `clip` for a still, None for none."""
+    """Content of the one-page report; `clip` adds a still picture."""
     impact, info = measured.impact, measured.info
     facts = (
         ("clip", str(info.path)),
@@ -431,22 +422,22 @@ def report_input(measured: ClipMeasurement, clip: ClipReader | None) -> ReportIn
 
 
 def _seen(tracks: Tracks) -> tuple[tuple[str, str], ...]:
-    """What happened and what moved, each with the reasons and how to point at it."""
+    """Motion and moving objects, each with its evidence and how to point at it."""
     motion = tracks.motion
-    left = kinds_beside(motion)
-    beside = [f"Beside it: {left}."] if left else []
+    left = alternative_kinds(motion)
+    beside = [f"Alternatives: {left}."] if left else []
     lines = [
         (f"{motion.kind.value}, probability {motion.probability:.2f}", (*motion.reasons, *beside)),
-        ("taken for the ball", tracks.reasons),
+        ("ball", tracks.reasons),
     ]
-    named = [(f"ball_{place}", thing) for place, thing in enumerate(tracks.others, start=2)]
-    for name, thing in (*named, *(("also moves", thing) for thing in tracks.dismissed)):
-        told = (f"{thing.model.value}.", *thing.reasons)
-        if thing.ball_at is not None:
-            x, y, frame = thing.ball_at
-            told = (*told, f"If it is the ball: --ball-at {x},{y},{frame}.")
-        lines.append((name, told))
-    return tuple((name, " ".join(said)) for name, said in lines if said)
+    named = [(f"ball_{place}", item) for place, item in enumerate(tracks.others, start=2)]
+    for name, item in (*named, *(("also moves", item) for item in tracks.dismissed)):
+        evidence = (f"{item.model.value}.", *item.reasons)
+        if item.ball_at is not None:
+            x, y, frame = item.ball_at
+            evidence = (*evidence, f"If this is the ball: --ball-at {x},{y},{frame}.")
+        lines.append((name, evidence))
+    return tuple((name, " ".join(texts)) for name, texts in lines if texts)
 
 
 def _gap(measured: ClipMeasurement, impact: Impact) -> GapRecord | None:
@@ -466,8 +457,8 @@ def _gap(measured: ClipMeasurement, impact: Impact) -> GapRecord | None:
     before = np.linspace(start, contact.onset_s + 0.003, 40)
     after = np.linspace(contact.release_s - 0.003, end, 40)
     fits = (
-        Curve(before, gap_before(view, before) - contact.face_offset, "closing"),
-        Curve(after, gap_after(view, after) - contact.face_offset, "opening"),
+        Curve(before, gap_before(view, before) - contact.face_offset, "before contact"),
+        Curve(after, gap_after(view, after) - contact.face_offset, "after contact"),
     )
     moments = [
         Moment(at, measured.quantity(name).std or 0.0)
@@ -486,7 +477,7 @@ def _speeds(impact: Impact) -> tuple[SpeedRecord, ...]:
 
 
 def _pendulum_speed(impact: Impact) -> tuple[SpeedRecord, ...]:
-    """The pendulum's, at the point of contact; nothing is fitted across the event."""
+    """Speed of the pendulum at the point of contact; nothing is fitted across contact."""
     view, contact, tracks = impact.view, impact.contact, impact.tracks
     if view is None or contact is None:
         return ()
@@ -510,7 +501,7 @@ def _pendulum_speed(impact: Impact) -> tuple[SpeedRecord, ...]:
 def _frame_speed(
     label: str, time_s: FloatArray, position: FloatArray, covariance: FloatArray
 ) -> SpeedRecord:
-    """Displacement per frame: the paper's way (Fig. 18)."""
+    """Displacement per frame, the paper's method (Fig. 18)."""
     step = np.diff(time_s)
     near = step < 3 * np.median(step)
     speed = np.hypot(*np.diff(position, axis=0).T) / step

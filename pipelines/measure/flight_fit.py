@@ -1,21 +1,11 @@
-"""The flight: gravity, drag and a little lift fitted to the path after release (Eqs 11-12).
+"""Fits of free flight (Eqs 11-12), free swing and landing.
 
-Until when the ball surely flies: it lands, bounces, or the path jumps to something else.
+The landing is fitted to the frames around touch-down alone, before and after the bounce; both
+pieces meet where and when the ball is on the floor.
 
-The landing as it is seen: from the frames around touch-down alone, before it and after it.
-
-The fitted flight foretells where it lands from the whole of its path. This is the other way about:
-a short piece of path before touch-down, and, where the clip goes on, one after the bounce. Both
-meet where and when the ball is on the floor.
-
-The pendulum before and after contact: a free swing on each side, never across the event.
-
-Errors that change slowly along a track: more frames do not average them away.
-
-What biases an outline (shading, a shadow's edge, the scene behind, the far side of a thick mass)
-changes as slowly as the thing moves across it, and grows with what leaves the outline uncertain in
-a single frame. Each track is taken to have, besides its random errors, a few cosines over the
-stretch, each of this many times the random error.
+Biases of an outline (shading, a shadow's edge, the background, the far side of a thick mass) vary
+slowly as the object moves, so more frames do not average them away. Each track is assumed to have,
+in addition to random errors, a few cosines over its duration, each a multiple of the random error.
 """
 
 import math
@@ -36,7 +26,7 @@ from pipelines.measure.inputs import Inputs
 from pipelines.measure.metres import MetricTracks
 
 __all__ = [
-    "LONGEST_CONTACT_S",
+    "MAX_CONTACT_S",
     "SLOW_OVER_RANDOM",
     "FlightFit",
     "FlightPriors",
@@ -52,21 +42,19 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
-_STEP_S, _LEAST_STEP_S = 0.015, 1e-6
+_STEP_S, _MIN_STEP_S = 0.015, 1e-6
+"""s, Runge–Kutta step (chosen: a swing of 1 s is accurate to 1e-7 rad) and its minimum."""
 
-"""Runge–Kutta steps: a swing of a second is right to 1e-7 rad with them."""
+_EXTENSION_FACTOR = 1.5
+"""Factor by which an integrated swing is extended when read beyond its end (chosen)."""
 
-_FURTHER = 1.5
-"""Times as far as before that a swing is marched when it is read beyond: fewer marches, longer."""
-
-LEAST_SWING_FRAMES = 5
-
-"""Frames: a swing has three unknowns, and two to spare show whether it is one."""
+MIN_SWING_FIT_FRAMES = 5
+"""Frames: a swing has three unknowns; two more test the fit (derived)."""
 
 
 @dataclass(frozen=True)
 class SwingFit:
-    """A stretch of free swing φ'' = −Ω² sin φ.
+    """A free swing φ'' = −Ω² sin φ.
 
     Attributes
     ----------
@@ -90,12 +78,12 @@ class SwingFit:
         """Angles (rad) and angular velocities (rad/s) at times (N,)."""
         elapsed = time_s - self.reference_s
         if values is None:
-            return self._marched.at(elapsed)
+            return self._integrated.at(elapsed)
         return _swung(values, elapsed)
 
     @cached_property
-    def _marched(self) -> "_Marched":
-        return _Marched(self.fitted.values)
+    def _integrated(self) -> "_ExtendableSwing":
+        return _ExtendableSwing(self.fitted.values)
 
     def angles(self, time_s: FloatArray) -> FloatArray:
         """Angles at times, rad."""
@@ -118,18 +106,18 @@ def fit_swing(
     time_s, angle_rad, std_rad : (N,) arrays
         s, rad, rad.
     reference_s : float
-        Where the state is wanted.
+        Time of the state, s.
     stiffness, stiffness_std : float
         Ω² = m g d / I and its standard uncertainty, 1/s².
     near : SwingFit, optional
-        The fit to data of just these frames that differ little: it is moved to first order.
+        Fit to slightly different data of the same frames: updated to first order.
 
     Raises
     ------
     TooLittleDataError
         With fewer than five frames.
     """
-    if len(time_s) < LEAST_SWING_FRAMES:
+    if len(time_s) < MIN_SWING_FIT_FRAMES:
         raise TooLittleDataError(
             f"the pendulum is seen in only {len(time_s)} frames on one side of the contact",
             hint="Film the mass for five frames on each side of the contact, or at a higher rate.",
@@ -161,8 +149,8 @@ def _swung(values: FloatArray, elapsed: FloatArray) -> tuple[FloatArray, FloatAr
     return angle, rate
 
 
-class _Marched:
-    """One swing that is read at many times: marched again only where it is read further out.
+class _ExtendableSwing:
+    """One swing evaluated at many times; integrated again only beyond the range covered.
 
     Parameters
     ----------
@@ -181,42 +169,40 @@ class _Marched:
             here = (elapsed >= 0.0) == later
             if np.any(here):
                 times = elapsed[here]
-                path = self._reaching(later, float(np.abs(times).max()))
+                path = self._covering(later, float(np.abs(times).max()))
                 states[:, here] = path.at(times[np.newaxis])[:, 0]
         return states[0], states[1]
 
-    def _reaching(self, later: bool, until: float) -> Trajectory:
+    def _covering(self, later: bool, until: float) -> Trajectory:
         reached, path = self._paths.get(later, (-1.0, None))
         if path is None or until > reached:
-            reached = max(until, _FURTHER * reached)
+            reached = max(until, _EXTENSION_FACTOR * reached)
             path = _path(self._values, reached if later else -reached)
             self._paths[later] = reached, path
         return path
 
 
 def _path(rows: FloatArray, until: float) -> Trajectory:
-    """Swings (K, 3) from their reference to a time, s, before or after it."""
-    # only Ω² = m g d / I counts
+    """Swings (K, 3) integrated from their reference to a time, s, before or after it."""
+    # the swing depends only on Ω² = m g d / I
     model = SwingModel(length=1.0, inertia=1.0, mass=rows[:, 2], com=1.0, gravity=1.0)
-    until = until if abs(until) > _LEAST_STEP_S else _LEAST_STEP_S
+    until = until if abs(until) > _MIN_STEP_S else _MIN_STEP_S
     return integrate(
         model.rates, rows[:, :2].T, np.array(until), int(np.ceil(abs(until) / _STEP_S))
     )
 
 
-_MODES = 4
-
-"""Cosines that slow errors of an outline are made of: what changes faster looks like noise."""
+_SLOW_MODES = 4
+"""Number of cosines of slowly varying errors (chosen); faster variation is noise."""
 
 SLOW_OVER_RANDOM = 1.5
-
-"""Times the random error, supposed: what a followed outline is off by over many frames."""
+"""Amplitude of slowly varying errors over the random error (assumed)."""
 
 
 def slow_error_whitening(
     time_s: FloatArray, *, offset: bool = False
 ) -> Callable[[FloatArray], FloatArray]:
-    """Whitening for standardised residuals with slow errors among them.
+    """Whitening of standardised residuals that contain slowly varying errors.
 
     The covariance is the unit matrix plus one of low rank, Ψ Ψᵀ = U s² Uᵀ; its inverse root is
     I − U (1 − 1 / √(1 + s²)) Uᵀ.
@@ -226,34 +212,32 @@ def slow_error_whitening(
     time_s : (N,) array
         Times of the residuals, s.
     offset : bool
-        Whether a constant error counts too, where the fit itself does not take it up.
+        Whether to include a constant error, for fits without a free offset.
 
     Returns
     -------
     callable
         (N, ...) residuals over their random standard uncertainty to whitened ones.
     """
-    order = np.arange(0 if offset else 1, _MODES + 1)
+    order = np.arange(0 if offset else 1, _SLOW_MODES + 1)
     return _whitening(SLOW_OVER_RANDOM * _cosines(time_s, order))
 
 
 FLIGHT_RANDOM, FLIGHT_DRIFT = 0.5, 1.0
-
-"""Of what a frame of a flight is said to be off by: what is random from frame to frame, and what a
-random walk adds from the first frame to the last. Held against truth, centres are off by 0.40, 0.45
-and 0.52 at random over 18, 22 and 12 flights of three renderers, and by cosines of 0.53, 0.22, 0.43
-in the first order, 0.24, 0.21, 0.23 in the second, 0.19, 0.11, 0.16 in the third; such a walk has
-0.45, 0.23, 0.15."""
+"""Random error per frame of a flight, and random walk over all frames, relative to the stated std.
+Fitted to true positions of three renderers (18, 22, 12 flights): random 0.40, 0.45, 0.52;
+cosines of order 1: 0.53, 0.22, 0.43; order 2: 0.24, 0.21, 0.23; order 3: 0.19, 0.11, 0.16, where
+this walk has 0.45, 0.23, 0.15."""
 
 _DRIFT_MODES = 8
-"""Cosines of the walk: those beyond are smaller than what is random."""
+"""Number of cosines of the walk (chosen); further ones are below the random error."""
 
 
 def flight_whitening(time_s: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """Whitening for residuals of a flight over what each frame is said to be off by.
+    """Whitening of a flight's residuals over the stated std of each frame.
 
-    Where it lies as a whole the fit takes up. Of a random walk that comes to d over the stretch,
-    the cosine of order k has d √2 / (π k).
+    A constant error is absorbed by the fit. A random walk of d in total has d √2 / (π k) in its
+    cosine of order k.
 
     Parameters
     ----------
@@ -267,7 +251,7 @@ def flight_whitening(time_s: FloatArray) -> Callable[[FloatArray], FloatArray]:
 
 
 def _cosines(time_s: FloatArray, order: NDArray[np.int64]) -> FloatArray:
-    """Cosines of such orders over the stretch of times (N,), (N, K)."""
+    """Cosines of given orders over the range of times (N,), (N, K)."""
     if len(time_s) == 0:
         return np.zeros((0, len(order)))
     phase = (time_s - time_s[0]) / max(float(np.ptp(time_s)), 1e-9)
@@ -275,13 +259,13 @@ def _cosines(time_s: FloatArray, order: NDArray[np.int64]) -> FloatArray:
 
 
 def _whitening(slow: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """Inverse root of the unit matrix plus Ψ Ψᵀ for slow errors Ψ (N, K)."""
+    """Inverse root of the unit matrix plus Ψ Ψᵀ for slowly varying errors Ψ (N, K)."""
     if len(slow) == 0:
         return lambda left: left
     axes, size, _ = np.linalg.svd(slow, full_matrices=False)
     shrink = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
 
-    # residuals of a search that ran away to infinity come out as NaN
+    # a diverging search gives NaN
     @np.errstate(invalid="ignore", over="ignore")
     def whiten(left: FloatArray) -> FloatArray:
         along = np.tensordot(axes.T, left, axes=1)
@@ -290,37 +274,33 @@ def _whitening(slow: FloatArray) -> Callable[[FloatArray], FloatArray]:
     return whiten
 
 
-_MARGIN_S = 0.05
+_MIN_FALL_S = 0.05
+"""s, minimum integration time of a fall (chosen)."""
 
-"""s: a ball that has hardly begun to fall is marched by one step at least."""
+_MAX_FALL_S = 6.0
+"""s, maximum duration of a fall (chosen: 170 m)."""
 
-_LONGEST_FALL_S = 6.0
+MIN_FLIGHT_FRAMES = 6
+"""Frames: a parabola in two dimensions has six unknowns, each frame two values (derived: twice as
+many values as unknowns)."""
 
-"""s: a fall of 170 m, more than any picture of a wall holds."""
-
-LEAST_FRAMES = 6
-
-"""Frames: a parabola in two directions has six unknowns and each frame two numbers; half are to
-spare."""
-
-_FAR_OFF = 12.0
-
-"""Times the usual residual: a frame in which something else was followed, no error of an
-outline."""
+_MAX_RESIDUAL_RATIO = 12.0
+"""Residual over the median beyond which a frame shows another object (chosen); no outline error is
+as large."""
 
 
 @dataclass(frozen=True)
 class FlightPriors:
-    """What is known of the forces before looking: value and standard uncertainty each.
+    """Priors of the forces: value and standard uncertainty each.
 
     Attributes
     ----------
     gravity, gravity_std : float
-        m/s²; an infinite std leaves gravity to the data (the self-check).
+        m/s²; an infinite std fits gravity to the data (self-check).
     drag, drag_std : float
         K = ρ S C_D / 2 m, 1/m.
     lift, lift_std : float
-        Acceleration normal to the velocity per speed, 1/s; it lifts a ball flying to +x.
+        Acceleration normal to the velocity per speed, 1/s; upwards for a ball flying to +x.
     """
 
     gravity: float
@@ -364,9 +344,9 @@ class FlightFit:
         return replace(self, reference_s=reference_s, fitted=replace(self.fitted, values=values))
 
     def falls_to(self, height: float, values: FloatArray | None = None) -> float | None:
-        """Time after which the centre is at `height` on its way down, s; None if it never is."""
+        """Time at which the centre reaches `height` on its way down, s; None if it does not."""
         chosen = self.fitted.values if values is None else values
-        after = time_of_fall(chosen, height, _surely_fallen(chosen, height))
+        after = time_of_fall(chosen, height, _max_fall_time(chosen, height))
         return None if math.isnan(after) else after + self.reference_s
 
 
@@ -387,27 +367,27 @@ def fit_flight(
     position_m : (N, 2) array
         x to the right, y up, m.
     covariance_m2 : (N, 2, 2) array
-        Random part of their uncertainty, m².
+        Random part of the covariance, m².
     reference_s : float
-        Where the state is wanted, s.
+        Time of the state, s.
     priors : FlightPriors
-        On the forces.
+        Of the forces.
     near : FlightFit, optional
-        The fit to data of just these frames that differ little: it is moved to first order.
+        Fit to slightly different data of the same frames: updated to first order.
 
     Raises
     ------
     TooLittleDataError
         With fewer than six frames.
     """
-    if len(time_s) < LEAST_FRAMES:
+    if len(time_s) < MIN_FLIGHT_FRAMES:
         raise TooLittleDataError(
             f"the ball is seen in only {len(time_s)} frames of its flight",
             hint="Film so that the ball stays in the picture for longer, or at a higher rate.",
         )
     std = np.sqrt(np.diagonal(covariance_m2, axis1=1, axis2=2))
     if near is None:
-        steady = _steady(time_s, position_m, std, priors.gravity)
+        steady = _consistent(time_s, position_m, std, priors.gravity)
         time_s, position_m, std = time_s[steady], position_m[steady], std[steady]
     std = np.maximum(std, 0.3 * np.median(std, axis=0))
     elapsed = time_s - reference_s
@@ -433,27 +413,27 @@ def fit_flight(
     return FlightFit(reference_s, fitted, time_s, left)
 
 
-def _steady(
+def _consistent(
     time_s: FloatArray, position_m: FloatArray, std_m: FloatArray, gravity: float
 ) -> NDArray[np.bool_]:
-    """Frames that lie between their neighbours; whitening would spread one that is far off."""
+    """Frames consistent with their neighbours; whitening would spread an outlier."""
     steady = np.ones(len(time_s), dtype=bool)
-    if len(time_s) < 2 * LEAST_FRAMES:
+    if len(time_s) < 2 * MIN_FLIGHT_FRAMES:
         return steady
     since, until = np.diff(time_s)[:-1, np.newaxis], np.diff(time_s)[1:, np.newaxis]
     chord = (position_m[:-2] * until + position_m[2:] * since) / (since + until)
     bend = (position_m[1:-1] - chord - 0.5 * gravity * since * until * [0.0, 1.0]) / std_m[1:-1]
     off = np.hypot(*(bend - np.median(bend, axis=0)).T)
     near = np.maximum(np.append(off[1:], 0.0), np.append(0.0, off[:-1]))
-    steady[1:-1] = (off < _FAR_OFF * max(float(np.median(off)), 1.0)) | (off < near)
+    steady[1:-1] = (off < _MAX_RESIDUAL_RATIO * max(float(np.median(off)), 1.0)) | (off < near)
     return steady
 
 
-def _surely_fallen(values: FloatArray, height: float) -> float:
-    """Time by which a flight will have come down to a height, s: twice what it takes in vacuum."""
+def _max_fall_time(values: FloatArray, height: float) -> float:
+    """Upper bound of the time of fall to a height, s: twice that in vacuum."""
     up, pull = float(values[3]), max(float(values[6]), 1.0)
     fall = (up + math.sqrt(max(up**2 + 2.0 * pull * (float(values[1]) - height), 0.0))) / pull
-    return min(max(2.0 * fall, 0.0) + _MARGIN_S, _LONGEST_FALL_S)
+    return min(max(2.0 * fall, 0.0) + _MIN_FALL_S, _MAX_FALL_S)
 
 
 def _flown(values: FloatArray, elapsed: FloatArray) -> FloatArray:
@@ -463,51 +443,45 @@ def _flown(values: FloatArray, elapsed: FloatArray) -> FloatArray:
     return states.reshape(*values.shape[:-1], len(elapsed), 4)
 
 
-LONGEST_CONTACT_S = 0.025
+MAX_CONTACT_S = 0.025
+"""s, maximum contact time (chosen; the paper's inflated balls: 14 to 19 ms); later frames are in
+flight."""
 
-"""s: the paper's inflated balls stay in touch for 14 to 19 ms; frames after this are flight for any
-of them."""
-
-_JUST_ABOVE_M = 0.004
-
-"""m above the floor at which a ball counts as landed, supposed: twice the 2 mm to which an outline
-is known."""
+_LANDED_BELOW_M = 0.004
+"""m above the floor at which a ball counts as landed (assumed: twice the 2 mm accuracy of an
+outline)."""
 
 _BOUNCE_M = 0.01
-
-"""m that a ball must rise again to have bounced: five times the 2 mm to which an outline is
-known."""
+"""m, minimum rise after a bounce (chosen: five times the 2 mm accuracy of an outline)."""
 
 _JUMP_RADII = 0.5
 
-_FEWEST_STANDING = 5
-"""Frames in which a ball that stands is seen at least: a median of them is no single outlier."""
+_MIN_STANDING_FRAMES = 5
+"""Minimum frames of a ball at rest (chosen: their median resists a single outlier)."""
 
-_HARDEST_PULL = 15.0
-
-"""m/s²: gravity with half as much again, the drag and lift of a fast, light ball."""
+_MAX_ACCELERATION = 15.0
+"""m/s², maximum acceleration in flight (chosen: 1.5 g, with drag and lift of a fast light ball)."""
 
 
 def flight_end(tracks: MetricTracks, inputs: Inputs, left: float) -> float:
-    """Time before which the ball surely flies, s.
+    """Time before which the ball is certainly in flight, s.
 
     Parameters
     ----------
     tracks : MetricTracks
         Ball plane.
     inputs : Inputs
-        How far the ball may fall, where that is known.
+        Height of fall, if known.
     left : float
-        When the ball has left its rest, s.
+        Time at which the ball has left its rest, s.
 
     Returns
     -------
     float
-        The earliest of: the floor is reached, the ball rises again after its fall, the path jumps
-        away from itself, the ball stands still for longer than it can at an apex; just after the
-        last frame where nothing of that is seen.
+        The earliest of: reaching the floor, rising again after the fall, a jump of the path,
+        standing still longer than at an apex; just after the last frame if there is none.
     """
-    after = np.flatnonzero(tracks.ball_time_s > left + LONGEST_CONTACT_S)
+    after = np.flatnonzero(tracks.ball_time_s > left + MAX_CONTACT_S)
     time, place = tracks.ball_time_s[after], tracks.ball_m[after]
     if len(time) == 0:
         return float(tracks.ball_time_s[-1]) + 1e-9
@@ -521,8 +495,8 @@ def flight_end(tracks: MetricTracks, inputs: Inputs, left: float) -> float:
     height = place[:, 1]
     if inputs.fall is not None:
         floor = tracks.rest_m[1] - inputs.fall
-        ends += [float(t) for t in time[height <= floor + _JUST_ABOVE_M][:1]]
-    # what follows a jump is another motion: a second strike has an apex of its own
+        ends += [float(t) for t in time[height <= floor + _LANDED_BELOW_M][:1]]
+    # a jump starts another motion: a second strike has an apex of its own
     highest = int(np.argmax(height[:jump]))
     lowest = highest + int(np.argmin(height[highest:jump]))
     if np.any(height[lowest:] - height[lowest] > _BOUNCE_M):
@@ -531,28 +505,28 @@ def flight_end(tracks: MetricTracks, inputs: Inputs, left: float) -> float:
 
 
 def _stop(time: FloatArray, place: FloatArray, tracks: MetricTracks, gravity: float) -> int | None:
-    """First frame in which the ball is where it was: caught, or in a picture that stands.
+    """First frame from which the ball stands still: caught, or in a frozen picture.
 
-    What flies stays at its apex, too, but falls away from it on either side.
+    A ball at its apex is also slow, but falls away from it on both sides.
     """
     noise = _noise(tracks)
-    away = np.hypot(*(place - np.median(place[-_FEWEST_STANDING:], axis=0)).T) > noise
+    away = np.hypot(*(place - np.median(place[-_MIN_STANDING_FRAMES:], axis=0)).T) > noise
     came = int(np.flatnonzero(away)[-1]) + 1 if np.any(away) else 0
-    if len(time) - came < _FEWEST_STANDING:
+    if len(time) - came < _MIN_STANDING_FRAMES:
         return None
     half = 0.5 * float(time[-1] - time[came])
     return came + 1 if 0.5 * gravity * half**2 > 2.0 * noise else None
 
 
 def _noise(tracks: MetricTracks) -> float:
-    """How far a ball may seem to be from where it is, m."""
+    """Apparent displacement of a ball at rest, at most, m."""
     return 6.0 * float(np.median(np.sqrt(np.trace(tracks.ball_cov_m2, axis1=1, axis2=2))))
 
 
 def _jump(time: FloatArray, place: FloatArray, tracks: MetricTracks) -> int | None:
-    """First frame from which the path no longer carries on from where it was.
+    """First frame from which the path no longer continues from its past.
 
-    A single frame that is off is left to the robust fit.
+    Single outliers are left to the robust fit.
     """
     noise = _noise(tracks)
     last, so_far = 1, 0
@@ -563,7 +537,7 @@ def _jump(time: FloatArray, place: FloatArray, tracks: MetricTracks) -> int | No
         missed = np.hypot(*(place[k : k + 2] - place[last] - velocity * ahead[:, None]).T)
         allowed = (
             _JUMP_RADII * tracks.radius_m
-            + 0.5 * _HARDEST_PULL * ahead * (ahead + before)
+            + 0.5 * _MAX_ACCELERATION * ahead * (ahead + before)
             + noise * (1.0 + ahead / before)
         )
         if np.all(missed > allowed):
@@ -573,34 +547,31 @@ def _jump(time: FloatArray, place: FloatArray, tracks: MetricTracks) -> int | No
     return None
 
 
-STRETCH_S, FRAMES_AROUND_LANDING = 0.06, 5
-
-"""Path before touch-down, and after: short enough to hang on nothing of the launch, and over it
-drag changes a speed of 5 m/s by a hundredth, which a known pull and a free line take up."""
+LANDING_STRETCH_S, FRAMES_AROUND_LANDING = 0.06, 5
+"""s, and minimum frames, of path before and after touch-down (chosen: independent of the launch;
+drag changes 5 m/s by 1 % over it, which the fitted acceleration absorbs)."""
 
 FLOOR_CONTACT_STD_S = 0.004
+"""s, half the time of an inflated ball on the floor: std between the two pieces (chosen)."""
 
-"""Half the time that an inflated ball is on the floor: what before and after are apart, s."""
-
-PULL_STD = 0.3
-
-"""m/s², drag and lift along a path so short, supposed: a few per cent of gravity."""
+ACCELERATION_STD = 0.3
+"""m/s², std of drag and lift over so short a path (assumed: some per cent of gravity)."""
 
 
 @dataclass(frozen=True)
 class LandingSeen:
-    """Touch-down.
+    """Observed touch-down.
 
     Attributes
     ----------
     time_s : float
-        First touch, s.
+        First contact with the floor, s.
     place_m : (2,) array
-        Ball's centre then, ball plane, m.
+        Centre of the ball then, ball plane, m.
     covariance : (3, 3) array
         Of time and place.
     bounce_seen : bool
-        Whether the path after the bounce took part.
+        Whether the path after the bounce was used.
     """
 
     time_s: float
@@ -610,7 +581,7 @@ class LandingSeen:
 
 
 def landing_seen(tracks: MetricTracks, inputs: Inputs, lands_at: float) -> LandingSeen:
-    """Touch-down from the frames around it.
+    """Fit touch-down to the frames around it.
 
     Parameters
     ----------
@@ -619,23 +590,23 @@ def landing_seen(tracks: MetricTracks, inputs: Inputs, lands_at: float) -> Landi
     inputs : Inputs
         Height of the support and gravity.
     lands_at : float
-        About when it lands, s.
+        Approximate time of landing, s.
 
     Raises
     ------
     NotFoundError
-        If it is not followed down to the floor.
+        If the ball is not tracked down to the floor.
     """
     assert inputs.fall is not None
     floor = float(tracks.rest_m[1]) - inputs.fall
     time = tracks.ball_time_s
     frame_s = float(np.median(np.diff(time)))
-    stretch = max(STRETCH_S, FRAMES_AROUND_LANDING * frame_s)
+    stretch = max(LANDING_STRETCH_S, FRAMES_AROUND_LANDING * frame_s)
     before = (time < lands_at) & (time > lands_at - stretch - 0.5 * frame_s)
     if before.sum() < FRAMES_AROUND_LANDING or lands_at - time[before][-1] > 1.5 * frame_s:
         raise NotFoundError(
-            "the ball is not followed through the last frames before it lands",
-            hint="Film so that the landing is in the picture.",
+            "the ball is not tracked in the last frames before it lands",
+            hint="Film so that the landing is in view.",
         )
     falling = _Piece.fit(tracks, before, lands_at, inputs)
     touch = falling.reaches(floor)
@@ -658,10 +629,10 @@ def landing_seen(tracks: MetricTracks, inputs: Inputs, lands_at: float) -> Landi
 
 
 def _with_bounce(found: LandingSeen, rising: "_Piece", floor: float) -> LandingSeen:
-    """Weigh in when and where the path after the bounce leaves the floor.
+    """Combine touch-down with the path after the bounce.
 
-    It leaves later than the other came by the time on the floor, which is known to no better than
-    itself; what has no such bounce is left alone.
+    The ball leaves the floor after the time on it, whose std is as large as itself; a path without
+    such a bounce is ignored.
     """
     left = rising.reaches(floor)
     if left is None or rising.values[3] <= 0.0:
@@ -672,15 +643,15 @@ def _with_bounce(found: LandingSeen, rising: "_Piece", floor: float) -> LandingS
     along = x - float(rising.values[2]) * lasting
     spread = rising.covariance_at(elapsed)
     spread[0, 0] += FLOOR_CONTACT_STD_S**2
-    # on the floor it is slowed along it, by anything up to what it loses
+    # friction on the floor may take any part of the horizontal speed
     spread[1, 1] += (0.5 * float(rising.values[2]) * FLOOR_CONTACT_STD_S) ** 2
-    told = np.array([time, along - found.place_m[0]])
+    difference = np.array([time, along - found.place_m[0]])
     own = found.covariance[:2, :2]
-    apart = told @ np.linalg.solve(own + spread[:2, :2], told)
-    if apart > _MOST_APART:
+    apart = difference @ np.linalg.solve(own + spread[:2, :2], difference)
+    if apart > _MAX_BOUNCE_CHI2:
         return found
     gain = own @ np.linalg.inv(own + spread[:2, :2])
-    moved = gain @ told
+    moved = gain @ difference
     covariance = found.covariance.copy()
     covariance[:2, :2] = own - gain @ own
     return LandingSeen(
@@ -691,14 +662,13 @@ def _with_bounce(found: LandingSeen, rising: "_Piece", floor: float) -> LandingS
     )
 
 
-_MOST_APART = 14.0
-
-"""χ² of two degrees of freedom that one bounce in a thousand exceeds (13.8)."""
+_MAX_BOUNCE_CHI2 = 14.0
+"""χ² of two degrees of freedom at a probability of 0.1 % (convention; 13.8)."""
 
 
 @dataclass(frozen=True)
 class _Piece:
-    """A short piece of flight about a time: x, y, vx, vy, ax, ay there, and their covariance."""
+    """A short piece of flight: x, y, vx, vy, ax, ay at a time, and their covariance."""
 
     values: FloatArray
     covariance: FloatArray
@@ -716,8 +686,8 @@ class _Piece:
         for axis, pull in ((0, 0.0), (1, -inputs.gravity)):
             rows = whiten(design / std[:, axis, np.newaxis])
             seen = whiten(tracks.ball_m[used, axis] / std[:, axis])
-            rows = np.vstack([rows, [0.0, 0.0, 1.0 / PULL_STD]])
-            seen = np.append(seen, pull / PULL_STD)
+            rows = np.vstack([rows, [0.0, 0.0, 1.0 / ACCELERATION_STD]])
+            seen = np.append(seen, pull / ACCELERATION_STD)
             spread = np.linalg.inv(rows.T @ rows)
             best = spread @ rows.T @ seen
             freedom = max(len(elapsed) - 2, 1)
@@ -728,7 +698,7 @@ class _Piece:
         return cls(values, covariance)
 
     def reaches(self, height: float) -> tuple[float, float] | None:
-        """Time nearest to its own at which it is at a height, and x there; None if it never is."""
+        """Time nearest to the reference at which a height is reached, and x there, or None."""
         x, y, vx, vy, ax, ay = (float(value) for value in self.values)
         roots = np.roots([0.5 * ay, vy, y - height])
         real = roots[np.abs(roots.imag) < 1e-9].real
@@ -738,7 +708,7 @@ class _Piece:
         return at, x + vx * at + 0.5 * ax * at**2
 
     def covariance_at(self, elapsed: float) -> FloatArray:
-        """Covariance (3, 3) of time, x and y of reaching that height."""
+        """Covariance (3, 3) of time, x and y at that height."""
         vx = float(self.values[2] + self.values[4] * elapsed)
         vy = float(self.values[3] + self.values[5] * elapsed)
         powers = np.array([1.0, elapsed, 0.5 * elapsed**2])

@@ -1,7 +1,4 @@
-"""Every flight contains g: a free fall that is off means a wrong capture rate or a wrong scale.
-
-The estimates of the coefficient of restitution: their mean, and whether they agree.
-"""
+"""Free fall as a check of rate and scale; mean and agreement of the COR estimates."""
 
 import math
 from dataclasses import replace
@@ -15,28 +12,28 @@ from calib.solve import SeenFall
 from metrology import Defaults, MeasurementError, Quantity, UncertaintySource
 from metrology.least_squares import fit
 from pipelines.measure.budget import DERIVED, ClipConditions, merged
-from pipelines.measure.checks import LEAST_POWER
+from pipelines.measure.checks import MIN_CHECK_POWER
 from pipelines.measure.flight_fit import (
-    LONGEST_CONTACT_S,
+    MAX_CONTACT_S,
     FlightPriors,
     fit_flight,
     flight_end,
     flight_whitening,
 )
 from pipelines.measure.impact import departure, find_impact
-from pipelines.measure.metres import CameraMapping, radius_share, tracks_in_metres
+from pipelines.measure.metres import CameraMapping, radius_relative_std, tracks_in_metres
 from pipelines.report import Check, CheckKind, CheckOutcome
 from vision.clip.footage import RateSource
 from vision.tracks import Tracks
 
 __all__ = [
     "ESTIMATES",
-    "as_flown_through",
     "contradicts_gravity",
     "fused_cor",
     "gravity_check",
     "scale_std",
     "seen_fall",
+    "with_fitted_slant",
 ]
 
 _COMMON_RATES = (
@@ -58,51 +55,49 @@ _COMMON_RATES = (
     960,
     1000,
 )
-"""fps: rates that cameras offer, of film, broadcast and high speed."""
+"""fps, frame rates of common cameras (film, broadcast and high speed)."""
 
 _SIGMAS = 3.0
-"""Standard deviations: of honest clips one in 370 fails by chance."""
+"""Standard deviations (convention: exceeded by 1 correct clip in 370)."""
 
-RELEVANT_SHARE = 0.1
+RELEVANT_GRAVITY_FRACTION = 0.1
+"""Of gravity: smallest relevant deviation (chosen: a rate off by 5 %, or lengths by 10 %)."""
 
-"""Of gravity: what a rate off by a twentieth, or lengths off by a tenth, make of it."""
+_CERTAIN_SIGMAS = 5.0
+"""Standard deviations that exclude chance (convention: 1 in two million)."""
 
-_PLAIN_SIGMAS = 5.0
-"""Standard deviations beyond which no chance is left: one in two million."""
+_MAX_AIR_EFFECT = 0.1
+"""Of gravity: maximum effect of spin or drag (chosen: the paper's balls at 5 m/s have a drag of 5 %
+of their weight, lighter ones twice that)."""
 
-_BEYOND_AIR = 0.1
-
-"""Share of gravity that spin or drag could hide: the paper's balls at 5 m/s have a drag of a
-twentieth of their weight, lighter ones twice that."""
-
-_UNTOLD = 0.1
-"""Relative uncertainty of the rate from a fall beyond which it tells no rate from the next common
-one."""
+_MAX_RATE_STD = 0.1
+"""Relative std of a rate from gravity above which common rates are not distinguished (chosen)."""
 
 _SLANT_ROUNDS = 2
-"""Rounds, supposed: where a flight ends hangs on the slant, which the next round hardly moves."""
+"""Iterations (assumed to converge: the next hardly changes the end of the flight)."""
 
-BEYOND_REPAIR = 0.3
-
-"""Share by which a fall may miss gravity before rate or scale must be plainly wrong: three times
-what air can do."""
+MAX_GRAVITY_ERROR = 0.3
+"""Relative deviation from gravity above which rate or scale is certainly wrong (chosen: three times
+the effect of air)."""
 
 
 def contradicts_gravity(value: float, gravity: float, std: float = math.inf) -> bool:
-    """Whether a free fall (m/s²) is so far off that nothing in metres and seconds can be right."""
+    """Whether a free fall (m/s²) is so far off that no value in metres and seconds can be right."""
     off = abs(value / gravity - 1.0)
-    return off > BEYOND_REPAIR or (off > _BEYOND_AIR and off * gravity > _PLAIN_SIGMAS * std)
+    return off > MAX_GRAVITY_ERROR or (
+        off > _MAX_AIR_EFFECT and off * gravity > _CERTAIN_SIGMAS * std
+    )
 
 
 def seen_fall(
     scene: ClipConditions, tracks: Tracks, time_s: NDArray[np.float64]
 ) -> SeenFall | None:
-    """The free fall that a flight shows; None where there is none, or rate or scale must be wrong.
+    """Free fall of a flight; None if there is none, or rate or scale must be wrong.
 
     Parameters
     ----------
     scene : ClipConditions
-        With a calibration; its rate's uncertainty enters twice, as time is squared.
+        With a calibration; the std of its rate enters twice, since time is squared.
     tracks : Tracks
         In pixels.
     time_s : (F,) array
@@ -123,13 +118,13 @@ def seen_fall(
     return SeenFall(Known(value, std), scene.inputs.gravity, tracks.ball.centre_px[flying])
 
 
-def as_flown_through(
+def with_fitted_slant(
     scene: ClipConditions, tracks: Tracks, time_s: NDArray[np.float64]
 ) -> ClipConditions:
-    """The scene with its camera as much aslant as a flight through the plane of motion shows.
+    """The scene with the slant of the camera fitted to the flight.
 
-    A thing in free flight keeps its speed along the rows but for the drag, and falls as gravity has
-    it: seen aslant, it slows down and shrinks on its way, or the contrary.
+    In free flight an object keeps its speed along the rows except for drag, and falls with gravity;
+    with a slant it slows down and shrinks along its path, or the reverse.
 
     Parameters
     ----------
@@ -142,7 +137,7 @@ def as_flown_through(
     """
     for _ in range(_SLANT_ROUNDS):
         try:
-            slant = _seen_slant(scene, tracks, time_s)
+            slant = _fit_slant(scene, tracks, time_s)
         except MeasurementError:
             return scene
         scene = replace(scene, slant_rad=slant.value)
@@ -151,16 +146,16 @@ def as_flown_through(
     return replace(scene, lens=replace(scene.lens, slant_std_rad=slant.std))
 
 
-def _seen_slant(scene: ClipConditions, tracks: Tracks, time_s: NDArray[np.float64]) -> Known:
-    """The slant fitted to a flight together with all else that may bend its path.
+def _fit_slant(scene: ClipConditions, tracks: Tracks, time_s: NDArray[np.float64]) -> Known:
+    """Slant fitted to a flight together with other effects that bend its path.
 
-    Rate and scale stretch it alike, a roll turns gravity, a lens that nobody measured bends lines.
+    Rate and scale stretch it equally, a roll rotates gravity, an unknown lens bends lines.
     """
     inputs, ball = scene.inputs, tracks.ball
     metric = tracks_in_metres(tracks, scene.plane_of_ball(tracks), time_s)
     left = departure(metric)
     end = flight_end(metric, inputs, left)
-    used = (metric.ball_time_s > left + LONGEST_CONTACT_S) & (metric.ball_time_s < end)
+    used = (metric.ball_time_s > left + MAX_CONTACT_S) & (metric.ball_time_s < end)
     flight = fit_flight(
         metric.ball_time_s[used],
         metric.ball_m[used],
@@ -199,7 +194,7 @@ def _seen_slant(scene: ClipConditions, tracks: Tracks, time_s: NDArray[np.float6
 
 
 def scale_std(scene: ClipConditions, tracks: Tracks) -> float:
-    """Relative uncertainty of the scale where there is no calibration; infinite if there is none.
+    """Relative std of the scale without a calibration; infinite without any scale.
 
     Parameters
     ----------
@@ -212,25 +207,25 @@ def scale_std(scene: ClipConditions, tracks: Tracks) -> float:
     diameter = scene.inputs.rig.ball_diameter
     if diameter is None:
         return np.inf
-    return float(np.hypot(diameter.relative_std, radius_share(tracks.ball)))
+    return float(np.hypot(diameter.relative_std, radius_relative_std(tracks.ball)))
 
 
 def gravity_check(found: Quantity, scene: ClipConditions) -> tuple[Quantity, Check | None]:
-    """Compare the free-fall acceleration with gravity; say what would explain a difference.
+    """Compare the free-fall acceleration with gravity, and state what explains a difference.
 
     Parameters
     ----------
     found : Quantity
         Acceleration fitted to the flight.
     scene : ClipConditions
-        What rate and scale were used.
+        Rate and scale used.
 
     Returns
     -------
     quantity : Quantity
         Named ``gravity_check``.
     check : Check or None
-        None where gravity could not be fitted.
+        None if gravity could not be fitted.
     """
     quantity = replace(found, name="gravity_check")
     if quantity.value is None or quantity.std is None:
@@ -238,18 +233,18 @@ def gravity_check(found: Quantity, scene: ClipConditions) -> tuple[Quantity, Che
     gravity = scene.inputs.gravity
     text = f"free fall gives {quantity.value:.2f} ± {quantity.std:.2f} m/s²"
     off = abs(quantity.value - gravity)
-    relevant = RELEVANT_SHARE * gravity / max(quantity.std, 1e-12)
+    relevant = RELEVANT_GRAVITY_FRACTION * gravity / max(quantity.std, 1e-12)
     power = float(scipy.special.ndtr(-_SIGMAS + relevant))
     if off > _SIGMAS * quantity.std:
         statement = f"{text}, not {gravity:.2f}. {_why(quantity, scene)}"
         return quantity, Check(CheckKind.GRAVITY, CheckOutcome.FAILED, statement, power)
     if scene.rate.source is RateSource.ASSUMED:
-        statement = f"{text}: the fall told the capture rate, so it can't check it"
+        statement = f"{text}; the capture rate was estimated from it, so it can't check the rate"
         return quantity, Check(CheckKind.GRAVITY, CheckOutcome.UNDECIDED, statement, 0.0)
-    if power < LEAST_POWER:
+    if power < MIN_CHECK_POWER:
         statement = (
-            f"{text}: too unsure to tell whether rate and scale are within"
-            f" {100 * RELEVANT_SHARE:.0f} % of what gravity asks for"
+            f"{text}: too uncertain to detect an error of"
+            f" {100 * RELEVANT_GRAVITY_FRACTION:.0f} % of gravity in rate and scale"
         )
         return quantity, Check(CheckKind.GRAVITY, CheckOutcome.UNDECIDED, statement, power)
     statement = f"{text}: rate and scale agree with gravity"
@@ -261,21 +256,21 @@ def _why(quantity: Quantity, scene: ClipConditions) -> str:
     assert quantity.std is not None
     gravity = scene.inputs.gravity
     if quantity.value <= 0:
-        return "The ball does not fall: is the picture upside down, or this not a flight?"
+        return "The ball does not fall: the picture may be upside down, or this is no flight."
     ratio = gravity / quantity.value
     rate = scene.rate.fps * math.sqrt(ratio)
-    doubt = 0.5 * quantity.std / quantity.value
-    if doubt > _UNTOLD:
+    rate_std = 0.5 * quantity.std / quantity.value
+    if rate_std > _MAX_RATE_STD:
         return (
-            f"Another capture rate than {scene.rate.fps:g} fps, or another scale, would explain it;"
-            " the flight in view is too short to say which"
+            f"A capture rate other than {scene.rate.fps:g} fps, or another scale, would explain it;"
+            " the flight in view is too short to distinguish them"
         )
-    near = [other for other in _COMMON_RATES if abs(other / rate - 1) < max(3 * doubt, 0.02)]
+    near = [other for other in _COMMON_RATES if abs(other / rate - 1) < max(3 * rate_std, 0.02)]
     nearest = min(near, key=lambda other: abs(other - rate), default=None)
     named = "" if nearest is None else f" ({nearest:g} fps, with --fps {nearest:g}?)"
     return (
         f"A capture rate of {rate:.1f} fps instead of {scene.rate.fps:g} would explain it{named},"
-        f" or lengths that are {1 / ratio:.3f} times too long"
+        f" or lengths {1 / ratio:.3f} times too long"
     )
 
 
@@ -284,15 +279,13 @@ FloatArray = NDArray[np.float64]
 ESTIMATES = ("cor_speeds", "cor_launch", "cor_range")
 
 _COR_SIGMAS, _CHANCE = 3.0, 0.003
-"""Standard deviations, and the chance that goes with them: of honest clips one in 370 fails."""
+"""Standard deviations, and their probability (convention: exceeded by 1 correct clip in 370)."""
 
-RELEVANT = 0.1
-
-"""Difference between two estimates that would matter, of the coefficient of restitution."""
+RELEVANT_COR_DIFFERENCE = 0.1
+"""Smallest relevant difference between two COR estimates (chosen)."""
 
 MODEL_STD = {"cor_speeds": 0.002, "cor_launch": 0.004, "cor_range": 0.004}
-
-"""What each estimate leaves out: the rigid balance of Eqs 8-10 knows no ball that slides."""
+"""Std of each estimate's model error (chosen: the rigid balance of Eqs 8-10 ignores sliding)."""
 
 
 def fused_cor(
@@ -301,14 +294,14 @@ def fused_cor(
     systematic: dict[UncertaintySource, FloatArray],
     found: dict[str, Quantity],
 ) -> tuple[Quantity, Check | None]:
-    """Best linear unbiased mean of the estimates that exist, and their agreement.
+    """Best linear unbiased mean of the available COR estimates, and their agreement.
 
     Parameters
     ----------
     values, random, systematic
         As in `Evaluated`.
     found : dict
-        Quantities by name; one that is missing there takes no part.
+        Quantities by name; missing ones are not used.
     """
     names = list(DERIVED)
     estimates = [name for name in ESTIMATES if found[name].known]
@@ -317,18 +310,18 @@ def fused_cor(
     at = [names.index(name) for name in estimates]
     covariance = random[np.ix_(at, at)].copy()
     for column in systematic.values():
-        share = np.nan_to_num(column[at])
-        covariance += np.outer(share, share)
+        term = np.nan_to_num(column[at])
+        covariance += np.outer(term, term)
     covariance += np.diag([MODEL_STD[name] ** 2 for name in estimates])
     covariance += 1e-8 * np.eye(len(at))
     weight = np.linalg.solve(covariance, np.ones(len(at)))
     weight /= weight.sum()
-    # noise that all estimates share can drive weights beyond 0..1: no estimate is trusted backwards
+    # common noise can drive weights outside 0..1; negative weights are not used
     weight = np.clip(weight, 0.0, None)
     weight /= weight.sum()
     noise = float(np.sqrt(weight @ random[np.ix_(at, at)] @ weight))
     model = float(np.sqrt(np.square(weight) @ [MODEL_STD[name] ** 2 for name in estimates]))
-    # source by source: what all clips of a setup share does not average out over a campaign
+    # kept by source: contributions common to a setup do not average out over a campaign
     lines = {source: abs(weight @ np.nan_to_num(col[at])) for source, col in systematic.items()}
     lines[UncertaintySource.COR_MEAN] = model
     fused = Quantity.measured(
@@ -349,14 +342,17 @@ def _agreement(values: FloatArray, covariance: FloatArray, estimates: list[str])
     chance = float(scipy.special.chdtrc(len(apart), apart @ np.linalg.solve(spread, apart)))
     listed = ", ".join(f"{name} {value:.3f}" for name, value in zip(estimates, values, strict=True))
     closest = float(np.sqrt(np.diag(spread).min()))
-    power = float(scipy.special.ndtr(-_COR_SIGMAS + RELEVANT / closest))
+    power = float(scipy.special.ndtr(-_COR_SIGMAS + RELEVANT_COR_DIFFERENCE / closest))
     if chance < _CHANCE:
         text = (
             f"the estimates of the coefficient of restitution disagree ({listed}):"
             " check the pendulum's inertia and the ball's mass in the setup file"
         )
         return Check(CheckKind.COR_AGREEMENT, CheckOutcome.FAILED, text, power)
-    if power < LEAST_POWER:
-        text = f"the estimates ({listed}) are too unsure to tell a difference of {RELEVANT:g}"
+    if power < MIN_CHECK_POWER:
+        text = (
+            f"the estimates ({listed}) are too uncertain to detect a difference of"
+            f" {RELEVANT_COR_DIFFERENCE:g}"
+        )
         return Check(CheckKind.COR_AGREEMENT, CheckOutcome.UNDECIDED, text, power)
     return Check(CheckKind.COR_AGREEMENT, CheckOutcome.PASSED, f"they agree ({listed})", power)

@@ -1,7 +1,4 @@
-"""What the chain starts from besides the pictures: setup file, options and presets, merged.
-
-The quantities of the contract: their names, units, and the motions that they belong to.
-"""
+"""Inputs of a measurement; names and units of quantities."""
 
 import math
 from dataclasses import dataclass, replace
@@ -16,45 +13,43 @@ from vision.tracks import MotionKind
 __all__ = ["QUANTITY_UNITS", "Inputs", "QuantityName", "gather_inputs", "in_pixels", "kinds_of"]
 
 UNKNOWN_DRAG = 0.02
-
-"""1/m, value and std of ½ρSC_D/m for a ball of unknown mass: 0.018 to 0.02 for the paper's balls,
-0.02 to 0.05 for lighter ones."""
+"""1/m, value and std of ½ρSC_D/m for a ball of unknown mass (the paper's balls: 0.018 to 0.02;
+lighter ones: 0.02 to 0.05)."""
 
 UNKNOWN_LIFT_STD = 0.02
-
-"""1/s, lift per speed of such a ball at the spin that is supposed: 0.02 for the paper's balls."""
+"""1/s, std of lift per speed of such a ball at the assumed spin (the paper's balls: 0.02)."""
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """Known before looking, SI; what is None was not said and has no preset.
+    """Prior knowledge, SI; None: neither given nor preset.
 
     Attributes
     ----------
     setup : Setup
         As read.
     ball : BallSetup or None
-        The ball struck.
+        The struck ball.
     pendulum : Pendulum
-        The lab's, or the paper's where nothing was said.
+        The given one, or that of the paper.
     fall : float or None
-        How far the ball falls from rest to landing (height of the support), m.
+        Height of fall from rest to landing (height of the support), m.
     air : Air
     gravity : float
         m/s².
     grid_pitch, fine_pitch : float
         m.
     rig : Rig
-        Every number of the rig with its uncertainty, and which of them are defaults.
+        Every property of the apparatus with its uncertainty and source.
     assumed : tuple of str
-        What was taken from the paper because nobody said otherwise.
-    arm_share : float
-        Factor on the pendulum's arm: its visible side is nearer to the camera than the ball plane.
-    after_share : float
-        Factor on the pendulum's rate after contact, while the bar rings and the ball is in the way.
+        Warnings about values taken from the paper.
+    arm_factor : float
+        Factor on the pendulum's arm, whose visible side is in front of the ball plane.
+    after_factor : float
+        Factor on the pendulum's rate after contact, for bar vibration and occlusion by the ball.
     normal_sigmas : float
-        How far the share of the line of centres in the direction of a round bob's contact is off,
-        in standard uncertainties.
+        Shift of the probability that a round bob's contact normal is the line of centres, in
+        standard uncertainties.
     """
 
     setup: Setup
@@ -67,8 +62,8 @@ class Inputs:
     fine_pitch: float
     rig: Rig
     assumed: tuple[str, ...]
-    arm_share: float = 1.0
-    after_share: float = 1.0
+    arm_factor: float = 1.0
+    after_factor: float = 1.0
     normal_sigmas: float = 0.0
 
     @property
@@ -78,15 +73,15 @@ class Inputs:
         return body.mass * self.gravity * body.com / body.inertia
 
     def fitted_alike(self, other: "Inputs") -> bool:
-        """Whether motions are fitted with the same: the rest only enters what follows from them."""
+        """Whether the fits have the same inputs; other inputs only affect derived values."""
         body = replace(self.pendulum, length=other.pendulum.length)
-        same = replace(self, pendulum=body, arm_share=other.arm_share)
-        same = replace(same, after_share=other.after_share, normal_sigmas=other.normal_sigmas)
+        same = replace(self, pendulum=body, arm_factor=other.arm_factor)
+        same = replace(same, after_factor=other.after_factor, normal_sigmas=other.normal_sigmas)
         return same == other
 
     @property
     def drag_per_metre(self) -> tuple[float, float]:
-        """K = ρ S C_D / 2 m with its std, 1/m; a guess where the mass is unknown."""
+        """K = ρ S C_D / 2 m with its std, 1/m; a default if the mass is unknown."""
         if self.ball is None or self.ball.mass is None:
             return UNKNOWN_DRAG, UNKNOWN_DRAG
         area = math.pi * self.ball.diameter**2 / 4
@@ -97,7 +92,7 @@ class Inputs:
 
     @property
     def lift_std(self) -> float:
-        """Lift per speed that an unseen slow spin may cause, 1/s: ½ ρ S R ω / m."""
+        """Lift per speed from an unobserved slow spin, 1/s: ½ ρ S R ω / m."""
         if self.ball is None or self.ball.mass is None:
             return UNKNOWN_LIFT_STD
         radius = self.ball.diameter / 2
@@ -106,7 +101,7 @@ class Inputs:
 
 
 def gather_inputs(setup: Setup, ball: str | None, wall_grid: str | None) -> Inputs:
-    """Merge setup file and options; an option wins.
+    """Merge setup file and options; options take precedence.
 
     Raises
     ------
@@ -128,10 +123,16 @@ def gather_inputs(setup: Setup, ball: str | None, wall_grid: str | None) -> Inpu
     pendulum = setup.pendulum
     if pendulum is None:
         pendulum = bodies.PAPER_PENDULUM
-        assumed.append("inertia and mass of the pendulum are the paper's (Table 2)")
+        assumed.append(
+            "No pendulum given: the one of Ryu et al. (6.0 kg, 1.579 kg m²) is assumed. COR,"
+            " impulse and energy hold only for that pendulum. Set [pendulum] in the setup file."
+        )
     fall = None if rig.support_height is None else rig.support_height.value
     if rig.support_height is not None and rig.support_height.value_from is Origin.PRESET:
-        assumed.append("the support is as high as the paper's (0.312 m)")
+        assumed.append(
+            "No support height given: 0.312 m (Ryu et al.) is assumed. Landing and its COR hold"
+            " only for that height. Set [support] height in the setup file."
+        )
     return Inputs(
         setup=setup,
         ball=chosen,
@@ -147,7 +148,7 @@ def gather_inputs(setup: Setup, ball: str | None, wall_grid: str | None) -> Inpu
 
 
 class QuantityName(StrEnum):
-    """Name of a quantity, as files spell it."""
+    """Name of a quantity, as in the files."""
 
     CONTACT_FRAMES = "contact_frames"
     CONTACT_TIME = "contact_time"
@@ -229,8 +230,7 @@ _TABLE: dict[QuantityName, tuple[str, tuple[MotionKind, ...]]] = {
 }
 
 QUANTITY_UNITS: dict[str, str] = {name.value: unit for name, (unit, _) in _TABLE.items()}
-
-"""Quantities that every clip answers for, in order; ``cor`` is the mean of the estimates."""
+"""Quantities of every clip, in order; ``cor`` is the mean of the estimates."""
 
 _IN_PIXELS = {
     QuantityName.FALL_ACCELERATION: QuantityName.FALL_ACCELERATION_PX,
@@ -243,11 +243,11 @@ _IN_PIXELS = {
 
 
 def in_pixels(name: QuantityName) -> QuantityName:
-    """The name of the same quantity where no scale is known."""
+    """Name of the same quantity in pixels, used without a scale."""
     return _IN_PIXELS[name]
 
 
 def kinds_of(name: str) -> tuple[MotionKind, ...]:
-    """The motions in which a quantity can be measured."""
+    """Motions in which a quantity can be measured."""
     entry = _TABLE.get(QuantityName(name))
     return _ANY if entry is None else entry[1]

@@ -1,7 +1,4 @@
-"""The result of one clip: quantities, checks and warnings, and what the pictures are drawn from.
-
-Tracks as a table: pixels, and metres and angles where a scale is known.
-"""
+"""Result of one clip: quantities, checks, warnings, and the tracks as a table."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,67 +26,71 @@ __all__ = [
     "QUANTITY_UNITS",
     "TRACK_COLUMNS",
     "ClipMeasurement",
-    "kinds_beside",
-    "proviso",
+    "alternative_kinds",
+    "motion_warning",
     "track_covariance",
     "tracks_as_csv",
     "tracks_as_frame",
 ]
 
 
-_TOLD = 0.95
-"""Probability of a kind of motion below which its numbers come with a proviso: the level at which
-intervals are stated supposes the kind."""
+_CONFIDENT_PROBABILITY = 0.95
+"""Probability of the motion kind below which a warning is given (convention: the level of stated
+intervals)."""
 
-_WORTH_TELLING = 0.01
-"""Probability below which another kind of motion is not told: what is left to each anyway."""
-
-
-def kinds_beside(motion: Motion) -> str:
-    """The other kinds of motion that may have been seen, each with its probability; or nothing."""
-    beside = [(kind, share) for kind, share in motion.alternatives if share > _WORTH_TELLING]
-    return ", ".join(f"{kind.value} {share:.2f}" for kind, share in beside)
+_MIN_LISTED_PROBABILITY = 0.01
+"""Minimum probability of an alternative motion kind to be listed (chosen)."""
 
 
-def proviso(motion: Motion) -> tuple[str, ...]:
-    """What to say where the kind of motion that numbers rest on is in doubt; nothing elsewhere."""
-    if motion.kind is MotionKind.NONE or motion.probability >= _TOLD:
+def alternative_kinds(motion: Motion) -> str:
+    """Other possible motion kinds with their probabilities; empty if there are none."""
+    alternatives = [
+        (kind, probability)
+        for kind, probability in motion.alternatives
+        if probability > _MIN_LISTED_PROBABILITY
+    ]
+    return ", ".join(f"{kind.value} {probability:.2f}" for kind, probability in alternatives)
+
+
+def motion_warning(motion: Motion) -> tuple[str, ...]:
+    """Warning if the motion kind is uncertain; empty otherwise."""
+    if motion.kind is MotionKind.NONE or motion.probability >= _CONFIDENT_PROBABILITY:
         return ()
-    kind, left = motion.kind.value, kinds_beside(motion)
-    beside = f" (beside it: {left})" if left else ""
+    kind, left = motion.kind.value, alternative_kinds(motion)
+    alternatives = f" (alternatives: {left})" if left else ""
     return (
-        f"what moves is a {kind} with a probability of {motion.probability:.2f} only{beside}:"
-        f" numbers of a {kind} hold only if it is one. Another --ball-at, or more of the motion in"
-        " view, would tell.",
+        f"the motion is a {kind} with a probability of only {motion.probability:.2f}{alternatives}:"
+        f" its quantities hold only if it is a {kind}. Show more of the motion, or point at the"
+        " ball with another --ball-at.",
     )
 
 
 @dataclass(frozen=True)
 class ClipMeasurement:
-    """All that was measured in one clip.
+    """All results of one clip.
 
     Attributes
     ----------
     info : ClipInfo
     rate : CaptureRate
     quantities : tuple of Quantity
-        In the order of `QUANTITY_UNITS`; those that can't be measured say why.
+        In the order of `QUANTITY_UNITS`; missing ones carry a reason.
     other_speeds : tuple of Quantity
-        The ball's speed the paper's ways: per frame (Fig. 18), and from the pendulum (Eq. 7).
+        The ball's speed by the paper's methods: per frame (Fig. 18), from the pendulum (Eq. 7).
     gravity : Quantity
-        Free-fall acceleration of the flight: the self-check of rate and scale.
+        Free-fall acceleration of the flight, the check of rate and scale.
     checks : tuple of Check
     warnings : tuple of str
     tracks : Tracks
         In pixels.
     grid : WallGrid or None
-        The wall's lines, where they gave a calibration.
+        Lines of the wall, if they gave a calibration.
     calibration : Calibration or None
-        None where no grid was found.
+        None if no grid was found.
     impact : Impact or None
-        None where no strike could be measured.
+        None if no strike was measured.
     defaults : tuple of RigNumber
-        Numbers of the rig whose value or uncertainty nobody gave.
+        Properties of the apparatus whose value or uncertainty is a default.
     """
 
     info: ClipInfo
@@ -107,7 +108,7 @@ class ClipMeasurement:
 
     @property
     def motion(self) -> Motion:
-        """What was seen to happen."""
+        """Observed motion."""
         return self.tracks.motion
 
     def quantity(self, name: str) -> Quantity:
@@ -116,13 +117,11 @@ class ClipMeasurement:
 
 
 BALL, PENDULUM = "ball", "pendulum"
-
-"""Objects of a track table, as its files spell them."""
+"""Objects of a track table, as in its files."""
 
 FloatArray = NDArray[np.float64]
 
 Metric = tuple[FloatArray, FloatArray]
-
 """Positions (N, 2), x right along the wall and y up, m; and their covariances (N, 2, 2), m²."""
 
 TRACK_COLUMNS = (
@@ -137,10 +136,10 @@ def tracks_as_frame(measured: ClipMeasurement) -> "pd.DataFrame":
     """All tracks, one row per object and frame; the columns are `TRACK_COLUMNS`.
 
     `x_m` is to the right along the wall, `y_m` up; `phi_rad` is 0 at the lowest point of the
-    swing, positive towards the ball. Empty where no scale, or no angle, is known. A row's standard
-    uncertainties are noise and slow errors along the track; what all rows of a clip share (scale,
-    where the ball plane lies) is in the budgets of the quantities; `phi_zero_std` is what all
-    angles of the clip are off by together.
+    swing, positive towards the ball. Empty where no scale, or no angle, is known. The standard
+    uncertainties of a row are random and slowly varying errors; errors common to a clip (scale,
+    ball plane) are in the budgets of the quantities; `phi_zero_std` is the common error of all
+    angles.
     """
     import pandas as pd
 
@@ -159,7 +158,7 @@ def tracks_as_frame(measured: ClipMeasurement) -> "pd.DataFrame":
 
 def tracks_as_csv(measured: ClipMeasurement) -> str:
     """Track CSV of the contract."""
-    # eight digits: a hundredth of a pixel of a 4K picture, and more than any track is good for
+    # eight digits: 0.01 px in a 4K picture, finer than any track
     return tracks_as_frame(measured).to_csv(index=False, lineterminator="\n", float_format="%.8g")
 
 
@@ -181,7 +180,7 @@ def track_covariance(measured: ClipMeasurement, name: str, *, metres: bool = Tru
     metric = _in_metres(measured, name, objects[name])
     if metric is None:
         raise NotFoundError(
-            f"no scale is known for {name}", hint="Its covariance in px² is there: metres=False."
+            f"no scale is known for {name}", hint="For its covariance in px² pass metres=False."
         )
     return metric[1]
 
@@ -195,13 +194,13 @@ def _objects(measured: ClipMeasurement) -> dict[str, Track]:
 
 
 def _in_metres(measured: ClipMeasurement, name: str, track: Track) -> Metric | None:
-    """Positions and covariances, through the camera or by the ball's own size."""
+    """Positions and covariances, by the camera or by the ball's own size."""
     ballistic = name != PENDULUM
     if measured.calibration is not None:
         mapping = CameraMapping(measured.calibration)
         if ballistic:
             return mapping.ball(track.centre_px, track.covariance_px2)
-        return mapping.point(track.centre_px), _carried(mapping.point, track)
+        return mapping.point(track.centre_px), _covariance_in_metres(mapping.point, track)
     metric = _scaled_by_the_ball(measured)
     if metric is None or name != BALL:
         return None
@@ -209,8 +208,8 @@ def _in_metres(measured: ClipMeasurement, name: str, track: Track) -> Metric | N
     return metric.ball_m * flip, metric.ball_cov_m2 * np.outer(flip, flip)
 
 
-def _carried(point: Callable[[FloatArray], FloatArray], track: Track) -> FloatArray:
-    """Covariances carried from pixels to metres by the local scale."""
+def _covariance_in_metres(point: Callable[[FloatArray], FloatArray], track: Track) -> FloatArray:
+    """Covariances in metres by the local scale."""
     steps = _HALF_PX * np.eye(2)
     slope = np.stack(
         [point(track.centre_px + step) - point(track.centre_px - step) for step in steps], axis=-1
@@ -219,7 +218,7 @@ def _carried(point: Callable[[FloatArray], FloatArray], track: Track) -> FloatAr
 
 
 def _scaled_by_the_ball(measured: ClipMeasurement) -> MetricTracks | None:
-    """Metric tracks of a clip without a wall grid; None where nothing gave a scale."""
+    """Metric tracks of a clip without a wall grid; None without a scale."""
     if measured.impact is None or not measured.quantity("ball_speed").known:
         return None
     return measured.impact.tracks

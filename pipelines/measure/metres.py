@@ -1,7 +1,4 @@
-"""Tracks from pixels to metres in the ball plane, with x in the direction of flight.
-
-The calibration of a clip from its own pictures and what the lab wrote down.
-"""
+"""Calibration of a clip, and tracks in metres in the ball plane."""
 
 import math
 from dataclasses import dataclass, replace
@@ -29,77 +26,75 @@ from vision.tracks import PendulumTrack, Track, Tracks
 
 __all__ = [
     "SLANT_STD",
+    "AssumedLens",
     "BallScale",
     "CameraMapping",
     "MetricTracks",
-    "SupposedLens",
+    "assumed_lens",
     "ball_scale",
     "calibrate_clip",
     "centre_of_arc",
-    "radius_share",
+    "radius_relative_std",
     "scene_evidence",
-    "supposed_lens",
     "tracks_in_metres",
 ]
 
 FloatArray = NDArray[np.float64]
 
 _FACE_STD_PX = 0.10
-
-"""px: what the track of the mass adds between where its face is seen and where it touches. The lead
-that closes the gap at the true contact scatters by 0.12 px over ray-traced clips of another
-renderer, by 0.10 px over own ones, 208 to 640 px wide; 0.08 px of it is the fit of the rims."""
+"""px, error of the mass's track between its observed face and the point of contact (fitted: the
+face offset at the true contact has an std of 0.12 px over ray-traced clips of another renderer and
+0.10 px over own ones, 208 to 640 px wide; 0.08 px of it comes from the fit of the rims)."""
 
 REST_STD_PX = 0.1
-"""px: what the support, its shadow and the one-sided light shift the outline of a ball at rest by,
-alike in all of its frames: its centre is off by 0.13 px along an axis, root mean square over
-thirteen clips of another renderer, and by 0.10 px over eight own ones, where frames state 0.08."""
+"""px, common error of the outline of a ball at rest from support, shadow and one-sided light
+(fitted: rms 0.13 px per axis over 13 clips of another renderer, 0.10 px over 8 own ones, where
+frames state 0.08)."""
 
-BEND_SHARE = 0.003
-"""Of the length: a path that is straight to this is a slide, since a throw of a tenth of a second
-sags by 5 cm."""
+MAX_BEND_FRACTION = 0.003
+"""Of the length: maximum bend of a straight line (chosen: lines bent more are not mapped by the
+pinhole scale)."""
 
 SLANT_STD = 0.03
-"""Slope of the line of sight to the face through a calibrated camera: how far it is unsure."""
+"""Std of the slope of the line of sight to the face, with a calibrated camera (chosen)."""
 
-_LEAST_LEFT = 0.2
-"""Part of its length that a plane is seen at: beyond some 80° aslant nobody films."""
+_MIN_FORESHORTENING = 0.2
+"""Minimum foreshortening (chosen: an obliquity of 80°)."""
 
-_INDEPENDENT = 8.0
-"""Of the frames of a flight, so many have radii that are off independently: the ball's look turns
-slowly, and light changes along its way."""
+_INDEPENDENT_RADII = 8.0
+"""Number of independent errors of the radius in a flight (chosen: the ball's appearance and light
+change slowly)."""
 
-CREEP_SHARE = 0.25
-"""Of the median speed after the strike: a ball that moves with a quarter of it beforehand does not
-lie still."""
+MAX_REST_SPEED_FRACTION = 0.25
+"""Of the median speed after the strike: maximum speed of a ball at rest (chosen)."""
 
 
 class PlaneMapping(Protocol):
-    """Pixels to metres in the ball plane."""
+    """Mapping from pixels to metres in the ball plane."""
 
     def ball(self, px: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Ball centres (N, 2) and covariances (N, 2, 2) from outline centres and theirs."""
+        """Ball centres (N, 2) and covariances (N, 2, 2) from those of the outlines."""
 
     def point(self, px: FloatArray) -> FloatArray:
         """Points (..., 2) of the ball plane behind pixels."""
 
     def across(self, px: FloatArray, radius_px: FloatArray) -> float:
-        """Radius of a ball with outlines centred on pixels (N, 2) and as large (N,), m."""
+        """Radius of a ball, m, from outline centres (N, 2) and radii (N,), px."""
 
     def eye(self) -> FloatArray | None:
-        """Where the camera stands: x, y and distance from the ball plane; None if unknown."""
+        """Position of the camera: x, y and distance from the ball plane; None if unknown."""
 
     def slope_std(self, slope: float) -> float:
-        """How well the slope of a line of sight across the plane is known."""
+        """Std of the slope of a line of sight across the plane."""
 
     @property
-    def by_the_wall(self) -> bool:
-        """Whether a calibrated wall is the scale, not the ball itself or what somebody gives."""
+    def scaled_by_wall(self) -> bool:
+        """Whether the scale comes from a calibrated wall."""
 
 
 @dataclass(frozen=True)
 class CameraMapping:
-    """Through the calibrated camera."""
+    """Mapping by the calibrated camera."""
 
     calibration: Calibration
 
@@ -113,38 +108,38 @@ class CameraMapping:
         return np.asarray(c.grid_camera.to_plane(px, c.ball_plane_offset) + c.origin)
 
     def across(self, px: FloatArray, radius_px: FloatArray) -> float:
-        """Radius of a ball with outlines centred on pixels (N, 2) and as large (N,), m."""
-        guess = _shortest_reach(self, np.median(px, axis=0), float(np.median(radius_px)))
+        """Radius of a ball, m, from outline centres (N, 2) and radii (N,), px."""
+        guess = _min_radius_in_plane(self, np.median(px, axis=0), float(np.median(radius_px)))
         return guess * float(np.median(radius_px / self.calibration.outline_radius(px, guess)))
 
     def eye(self) -> FloatArray:
-        """Where the camera stands: x, y and distance from the ball plane."""
+        """Position of the camera: x, y and distance from the ball plane."""
         c = self.calibration
         x, y = c.grid_camera.position[:2] + c.origin[:2]
         return np.array([x, y, c.camera_distance - c.ball_plane_offset])
 
     def slope_std(self, slope: float) -> float:
-        """How well the slope of a line of sight across the plane is known."""
+        """Std of the slope of a line of sight across the plane."""
         return SLANT_STD
 
     @property
-    def by_the_wall(self) -> bool:
-        """A calibrated wall is the scale."""
+    def scaled_by_wall(self) -> bool:
+        """True: the scale comes from a calibrated wall."""
         return True
 
 
 @dataclass(frozen=True)
-class SupposedLens:
-    """A lens that nobody named.
+class AssumedLens:
+    """Assumed lens of a camera without a lens file.
 
     Attributes
     ----------
     middle_px : (2,) array
-        The middle of the picture.
+        Centre of the picture.
     focal_px : float
-        The usual one for a picture as wide, known to `LOG_FOCAL_STD`.
+        Typical focal length for the picture's width, with a relative std of `LOG_FOCAL_STD`.
     slant_std_rad : float
-        How square to the plane its camera stands.
+        Std of the camera's slant from square to the plane.
     """
 
     middle_px: FloatArray
@@ -152,51 +147,51 @@ class SupposedLens:
     slant_std_rad: float
 
     def across(self, px: FloatArray, radius_px: FloatArray) -> FloatArray:
-        """Radii (N,) square to the line from the middle, of outlines centred on pixels (N, 2).
+        """Radii (N,) normal to the line from the centre, from outline centres (N, 2) and radii.
 
-        Off the axis a sphere is seen longer, not wider: its width is what a thing in its plane has.
+        Off the axis a sphere's image is elongated; its width is that of an object in its plane.
         """
         off_axis = np.hypot(*(px - self.middle_px).T) / self.focal_px
         return np.asarray(radius_px * 2.0 / (1.0 + np.hypot(1.0, off_axis)))
 
     def centres(self, px: FloatArray, across_px: float) -> FloatArray:
-        """Where the middles of spheres as wide are whose outlines are centred on pixels (N, 2).
+        """Image points of the centres of spheres with outlines centred on pixels (N, 2).
 
-        With half the angle α that it fills, a sphere at θ off the axis is seen from tan(θ - α) to
-        tan(θ + α): the middle of the two is tan θ (1 + tan² α / cos² θ), but for α⁴.
+        A sphere of half angle α at θ off the axis is imaged from tan(θ - α) to tan(θ + α), centred
+        on tan θ (1 + tan² α / cos² θ), up to α⁴.
         """
         further = 1.0 + (across_px / self.focal_px) ** 2
         return np.asarray(self.middle_px + (px - self.middle_px) / further)
 
     def foreshortening(self, px: FloatArray, slant_rad: float) -> float:
-        """Part of a length along the rows that is left at a point, where the plane recedes so."""
+        """Foreshortening of lengths along the rows at a point of a slanted plane."""
         off_axis = float(px[0] - self.middle_px[0]) / self.focal_px
         left = math.cos(slant_rad) - off_axis * math.sin(slant_rad)
-        return max(left, _LEAST_LEFT)
+        return max(left, _MIN_FORESHORTENING)
 
 
 @dataclass(frozen=True)
 class BallScale:
-    """By the ball's own size alone, for a camera nearly square to the plane of flight.
+    """Mapping by the ball's own size, for a camera nearly square to the plane of flight.
 
     Attributes
     ----------
     metres_per_px : float
-        Scale in the ball plane, where the ball usually is.
+        Scale in the ball plane at the typical position.
     rest_px : (2,) array
-        Where x = y = 0.
+        Origin, x = y = 0.
     usual_px : (2,) array
-        Where the ball usually is.
+        Typical position of the ball.
     roll_rad : float
-        Turn of the camera about its axis.
+        Roll of the camera.
     growth_per_px : float
-        What a camera that looks aslant adds to the scale along the picture's rows.
+        Relative change of scale along the picture's rows due to slant.
     foreshortening : float
-        Part of a length along the rows that is left where such a camera sees it.
-    lens : SupposedLens or None
-        What tells where such a camera about stands.
+        Foreshortening of lengths along the rows due to slant.
+    lens : AssumedLens or None
+        Gives the approximate position of the camera.
     across_px : float
-        Radius of the ball's outline, square to the line from the middle of the picture.
+        Radius of the ball's outline, normal to the line from the centre of the picture.
     """
 
     metres_per_px: float
@@ -205,7 +200,7 @@ class BallScale:
     roll_rad: float = 0.0
     growth_per_px: float = 0.0
     foreshortening: float = 1.0
-    lens: SupposedLens | None = None
+    lens: AssumedLens | None = None
     across_px: float = 0.0
 
     def ball(self, px: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -221,24 +216,23 @@ class BallScale:
         return np.asarray(turned * self.metres_per_px)
 
     def _grown(self, px: FloatArray) -> FloatArray:
-        """Places as a camera square to the plane would see them about the usual one, px.
+        """Pixels corrected for slant, relative to the typical position.
 
-        Level lines of a plane that recedes meet on the horizon, which is the middle row of a camera
-        that is not tilted.
+        Level lines of a slanted plane meet on the horizon, the middle row of a camera without tilt.
         """
         x = px[..., 0] - self.usual_px[0]
         horizon = self.usual_px[1] if self.lens is None else self.lens.middle_px[1]
-        further = 1.0 / np.maximum(1.0 - self.growth_per_px * x, _LEAST_LEFT)
+        further = 1.0 / np.maximum(1.0 - self.growth_per_px * x, _MIN_FORESHORTENING)
         seen = np.stack([x / self.foreshortening, px[..., 1] - horizon], axis=-1)
         return np.asarray(seen * further[..., np.newaxis])
 
     def across(self, px: FloatArray, radius_px: FloatArray) -> float:
-        """Radius of a ball with outlines centred on pixels (N, 2) and as large (N,), m."""
+        """Radius of a ball, m, from outline centres (N, 2) and radii (N,), px."""
         wide = radius_px if self.lens is None else self.lens.across(px, radius_px)
-        return _shortest_reach(self, np.median(px, axis=0), float(np.median(wide)))
+        return _min_radius_in_plane(self, np.median(px, axis=0), float(np.median(wide)))
 
     def eye(self) -> FloatArray | None:
-        """Where a camera of such a slant stands, behind its lens's middle."""
+        """Position of the camera from its slant and lens."""
         if self.lens is None:
             return None
         off_axis = float(self.usual_px[0] - self.lens.middle_px[0]) / self.lens.focal_px
@@ -251,21 +245,21 @@ class BallScale:
         return np.asarray(np.append(foot, away * self.foreshortening))
 
     def slope_std(self, slope: float) -> float:
-        """How well the slope of a line of sight across the plane is known."""
+        """Std of the slope of a line of sight across the plane."""
         if self.lens is None:
             return SLANT_STD
         aslant = math.tan(min(self.lens.slant_std_rad, 1.0))
         return float(np.linalg.norm([SLANT_STD, LOG_FOCAL_STD * slope, aslant]))
 
     @property
-    def by_the_wall(self) -> bool:
-        """The ball is the scale, or what somebody gives."""
+    def scaled_by_wall(self) -> bool:
+        """False: the scale comes from the ball or is given."""
         return False
 
 
 def ball_scale(
     tracks: Tracks,
-    lens: SupposedLens,
+    lens: AssumedLens,
     diameter: float,
     *,
     metres_per_px: float | None = None,
@@ -273,21 +267,21 @@ def ball_scale(
     roll_rad: float = 0.0,
     slant_rad: float = 0.0,
 ) -> BallScale:
-    """The plane of motion through such a camera, as large as the ball in it has to be.
+    """Mapping of the plane of motion, scaled to the ball's diameter.
 
     Parameters
     ----------
     tracks : Tracks
         In pixels.
-    lens : SupposedLens
+    lens : AssumedLens
     diameter : float
         Of the ball, m.
     metres_per_px : float, optional
-        Scale where the ball usually is, where somebody gives it.
+        Scale at the typical position, if given.
     stretched : float
         Factor on lengths.
     roll_rad, slant_rad : float
-        How far the camera is turned about its axis, and about the vertical.
+        Rotation of the camera about its axis, and about the vertical.
     """
     ball, still = tracks.ball, slice(None)
     if tracks.rest_frames is not None:
@@ -313,7 +307,7 @@ def ball_scale(
 
 @dataclass(frozen=True)
 class MetricTracks:
-    """What the physics is fitted to: ball plane, m, x along the flight, y up, s.
+    """Input of the fits: ball plane, m, x along the flight, y up, s.
 
     Attributes
     ----------
@@ -326,25 +320,24 @@ class MetricTracks:
     swing_time_s, swing_rad, swing_std_rad : (M,) arrays
         Pendulum angle, 0 straight down, positive forward.
     edge_offset_m, edge_offset_std_m : float
-        Foremost edge of the mass ahead of the bar's line, as seen.
+        Lead of the mass's foremost edge over the bar's line.
     middle_offset_m, middle_offset_std_m : float
-        Middle of the face between its two rims; infinitely unsure where they can't be told apart.
+        Middle of the face between its two rims; infinite std if they are not resolved.
     bob_arm_m : float or None
-        Pivot to the centre of the round bob that strikes; None where the mass has a flat face.
+        Pivot to the centre of a round bob; None if the mass has a flat face.
     face_slant : float or None
-        Slope of the line of sight to the striking face along the flight: what the mass' thickness
-        adds to its foremost edge, per thickness in front of or behind the ball plane. Negative
-        where the camera sees the face.
+        Slope of the line of sight to the face along the flight: shift of the foremost edge per
+        thickness in front of or behind the ball plane. Negative if the camera sees the face.
     eye_m : (3,) array or None
-        Where the camera stands: x, y and distance from the ball plane; None if unknown.
+        Position of the camera: x, y and distance from the ball plane; None if unknown.
     radius_m : float
-        Apparent radius of the ball.
+        Observed radius of the ball.
     direction : float
-        +1 where the ball flies to the right in the picture, −1 to the left.
+        +1 if the ball flies to the right in the picture, −1 to the left.
     face_slant_std : float
-        How well that slope is known.
-    by_the_wall : bool
-        Whether a calibrated wall is the scale, not the ball itself or what somebody gives.
+        Std of that slope.
+    scaled_by_wall : bool
+        Whether the scale comes from a calibrated wall.
     """
 
     ball_frame: NDArray[np.int64]
@@ -367,16 +360,16 @@ class MetricTracks:
     radius_m: float
     direction: float
     face_slant_std: float = SLANT_STD
-    by_the_wall: bool = True
+    scaled_by_wall: bool = True
 
     @property
     def spherical(self) -> bool:
-        """Whether a round bob strikes: no thickness in front of the ball plane."""
+        """Whether a round bob strikes, which has no thickness in front of the ball plane."""
         return self.bob_arm_m is not None
 
 
 def flight_direction(tracks: Tracks) -> float:
-    """+1 where the ball flies to the right in the picture, −1 to the left."""
+    """+1 if the ball flies to the right in the picture, −1 to the left."""
     x = tracks.ball.centre_px[:, 0]
     return 1.0 if x[-1] >= x[0] else -1.0
 
@@ -388,7 +381,7 @@ def tracks_in_metres(
     zero_rad: float = 0.0,
     pivot_moved_px: tuple[float, float] = (0.0, 0.0),
 ) -> MetricTracks:
-    """Map tracks into the ball plane.
+    """Map tracks to the ball plane.
 
     Parameters
     ----------
@@ -406,7 +399,7 @@ def tracks_in_metres(
     Raises
     ------
     NotFoundError
-        If the ball never lies still before it is struck.
+        If the ball is never at rest before it is struck.
     """
     if tracks.rest_frames is None:
         raise NotFoundError(
@@ -420,16 +413,16 @@ def tracks_in_metres(
     still = (ball.frame >= tracks.rest_frames[0]) & (ball.frame <= tracks.rest_frames[1])
     if not still.any():
         raise NotFoundError(
-            "the ball is not seen clearly while it lies still",
-            hint="Point at it with --ball-at X,Y, or film against a background it stands out from.",
+            "the ball is not clearly visible while at rest",
+            hint="Point at it with --ball-at X,Y, or film against a contrasting background.",
         )
-    if _creeps(ball, still):
+    if _moves_at_rest(ball, still):
         raise NotFoundError(
-            "what was followed moves from the first frame on, so there is no strike to measure",
+            "the tracked object moves from the first frame on, so there is no strike to measure",
             hint="Start the clip before the ball is struck, or point at the ball with --ball-at.",
         )
     std = np.sqrt(np.diagonal(covariance[still], axis1=1, axis2=2)).mean(axis=0)
-    scatter = position[still].std(axis=0) if still.sum() > 3 else std
+    residual_std = position[still].std(axis=0) if still.sum() > 3 else std
     swing = _swing(tracks.pendulum, mapping, direction, zero_rad, np.array(pivot_moved_px))
     pendulum = tracks.pendulum
     rest = np.median(position[still], axis=0)
@@ -444,8 +437,8 @@ def tracks_in_metres(
         ball_m=position * flip,
         ball_cov_m2=covariance * np.outer(flip, flip),
         rest_m=rest * flip,
-        # what a still ball's centre is off by does not average away over its frames
-        rest_std_m=np.hypot(np.maximum(std, scatter), REST_STD_PX * scale),
+        # the common error of a ball at rest does not average out over its frames
+        rest_std_m=np.hypot(np.maximum(std, residual_std), REST_STD_PX * scale),
         pivot_m=swing.pivot,
         swing_time_s=np.zeros(0) if pendulum is None else time_s[pendulum.track.frame],
         swing_rad=swing.angle,
@@ -460,26 +453,28 @@ def tracks_in_metres(
         radius_m=radius,
         direction=direction,
         face_slant_std=SLANT_STD if slope is None else mapping.slope_std(slope),
-        by_the_wall=mapping.by_the_wall,
+        scaled_by_wall=mapping.scaled_by_wall,
     )
 
 
-def _creeps(ball: Track, still: NDArray[np.bool_]) -> bool:
-    """Whether the ball moves while it is said to lie still: a pendulum or a ball in flight."""
+def _moves_at_rest(ball: Track, still: NDArray[np.bool_]) -> bool:
+    """Whether the ball moves during its assumed rest: a pendulum, or a ball in flight."""
     if still.sum() < 2 or still.all():
         return False
     step = np.hypot(*(np.diff(ball.centre_px, axis=0) / np.diff(ball.frame)[:, np.newaxis]).T)
     resting = still[1:] & still[:-1]
     noise = float(np.sqrt(np.median(np.trace(ball.covariance_px2, axis1=1, axis2=2))))
     speed = float(np.median(step[resting]))
-    return speed > CREEP_SHARE * float(np.median(step[~resting])) and speed > 3.0 * noise
+    return (
+        speed > MAX_REST_SPEED_FRACTION * float(np.median(step[~resting])) and speed > 3.0 * noise
+    )
 
 
-def radius_share(ball: Track) -> float:
-    """What the radii of a followed ball may be off by together, over the radius.
+def radius_relative_std(ball: Track) -> float:
+    """Relative std of the common error of a ball's radii.
 
-    Where frames tell less of the outline than of a clean one, what biases it (a dark ball's sheen,
-    an edge out of focus, an unknown transfer curve) is larger alike: see `BallOutlines.followed`.
+    Where the outline is less clear, its biases (a dark ball's reflections, blur, an unknown
+    transfer curve) increase likewise: see `BallOutlines.followed`.
     """
     random = float(np.median(ball.radius_std_px))
     unclean = math.sqrt(max(random**2 - MODEL_STD_PX**2, 0.0))
@@ -487,12 +482,11 @@ def radius_share(ball: Track) -> float:
     return common / float(np.median(ball.radius_px))
 
 
-def supposed_lens(ball: Track, shape: tuple[int, int]) -> SupposedLens:
-    """What a lens is supposed to be that nobody named, before a plane whose slant nothing tells.
+def assumed_lens(ball: Track, shape: tuple[int, int]) -> AssumedLens:
+    """Assumed lens, and the slant of a camera set up by eye.
 
-    A camera is set up square to the plane by eye. The ball looks smaller where a plane that is seen
-    aslant is further away; where its size changes more along the rows than a camera set up so
-    allows, the slant may be as large as that.
+    The ball appears smaller where a slanted plane is farther away. If its size changes more along
+    the rows than a typical slant explains, the std of the slant is increased.
 
     Parameters
     ----------
@@ -505,10 +499,10 @@ def supposed_lens(ball: Track, shape: tuple[int, int]) -> SupposedLens:
     focal = FOCAL_OVER_WIDTH * width
     middle = 0.5 * np.array([width - 1.0, height - 1.0])
     offset = (ball.centre_px - middle) / focal
-    usual = SupposedLens(middle, focal, Defaults.CAMERA_SLANT.std)
+    usual = AssumedLens(middle, focal, Defaults.CAMERA_SLANT.std)
     radius = usual.across(ball.centre_px, ball.radius_px)
     spread = float(offset[:, 0].std())
-    if len(radius) < _INDEPENDENT or spread == 0.0:
+    if len(radius) < _INDEPENDENT_RADII or spread == 0.0:
         return usual
     design = np.column_stack([offset[:, 0], np.ones(len(radius))])
     std = np.hypot(ball.radius_std_px, MODEL_STD_PX) / radius
@@ -519,28 +513,28 @@ def supposed_lens(ball: Track, shape: tuple[int, int]) -> SupposedLens:
         stacked=True,
     )
     left = (np.log(radius) - design @ fitted.values) / std
-    scatter = max(1.0, float(np.median(np.abs(left))) / 0.6745)
-    off = scatter * float(np.median(std)) / (spread * math.sqrt(_INDEPENDENT))
-    # off the axis a plane that recedes is seen shorter, or longer, and its growth is so much more
+    residual_std = max(1.0, float(np.median(np.abs(left))) / 0.6745)
+    off = residual_std * float(np.median(std)) / (spread * math.sqrt(_INDEPENDENT_RADII))
+    # off the axis a slanted plane is foreshortened, which changes its growth accordingly
     growth = -float(fitted.values[0])
-    slant = math.atan(growth / max(1.0 + growth * float(offset[:, 0].mean()), _LEAST_LEFT))
+    slant = math.atan(growth / max(1.0 + growth * float(offset[:, 0].mean()), _MIN_FORESHORTENING))
     excess = slant**2 - math.atan(off) ** 2
     return replace(usual, slant_std_rad=math.sqrt(max(usual.slant_std_rad**2, excess)))
 
 
-def _shortest_reach(mapping: PlaneMapping, px: FloatArray, radius_px: float) -> float:
-    """How far so many pixels reach in the ball plane along the way in which they reach least, m.
+def _min_radius_in_plane(mapping: PlaneMapping, px: FloatArray, radius_px: float) -> float:
+    """Minimum length in the ball plane of a radius in pixels over all directions, m.
 
-    A camera aslant stretches the plane one way; a ball looks as large from there as from anywhere.
+    A slanted camera stretches the plane in one direction; a ball has the same size from anywhere.
     """
-    reach = radius_px * np.eye(2)
-    across = 0.5 * (mapping.point(px + reach) - mapping.point(px - reach))
+    radius_vectors = radius_px * np.eye(2)
+    across = 0.5 * (mapping.point(px + radius_vectors) - mapping.point(px - radius_vectors))
     return float(np.linalg.svd(across, compute_uv=False)[-1])
 
 
 @dataclass(frozen=True)
 class _SwingInMetres:
-    """Pivot and arm, m; angles, rad; offsets of edge and middle of the face with their std, m."""
+    """Pivot and arm, m; angles, rad; offsets of edge and middle of the face with std, m."""
 
     pivot: FloatArray | None
     arm: float
@@ -564,7 +558,7 @@ def _swing(
     pivot = mapping.point(pendulum.pivot_px) * flip
     moved = mapping.point(pendulum.pivot_px + pivot_moved_px) * flip - pivot
     if _bends(mapping, pendulum.pivot_px, pendulum.track.centre_px):
-        # a lens that bends lines bends the arc: its centre has to be found in metres
+        # a lens that bends lines distorts the arc: its centre is fitted in metres
         pivot = centre_of_arc(mass)
     pivot = pivot + moved
     arm = mass - pivot
@@ -592,15 +586,15 @@ def _swing(
 
 
 def _bends(mapping: PlaneMapping, pivot_px: FloatArray, mass_px: FloatArray) -> bool:
-    """Whether the straight arm of the picture is bent or unevenly divided in metres."""
+    """Whether a straight line of the picture is curved or uneven in metres."""
     ends = mapping.point(np.stack([pivot_px, np.median(mass_px, axis=0)]))
     middle = mapping.point(0.5 * (pivot_px + np.median(mass_px, axis=0)))
     off = float(np.hypot(*(middle - ends.mean(axis=0))))
-    return off > BEND_SHARE * float(np.hypot(*(ends[1] - ends[0])))
+    return off > MAX_BEND_FRACTION * float(np.hypot(*(ends[1] - ends[0])))
 
 
 def centre_of_arc(points: FloatArray) -> FloatArray:
-    """Centre of the circle through (N, 2) points: algebraic start, then geometric, robust."""
+    """Centre of the circle through (N, 2) points: algebraic start, then robust geometric fit."""
     middle = points.mean(axis=0)
     near = points - middle
     design = np.column_stack([2 * near, np.ones(len(near))])
@@ -615,12 +609,12 @@ def centre_of_arc(points: FloatArray) -> FloatArray:
 
 
 def calibrate_clip(tracks: Tracks, inputs: Inputs) -> Solved:
-    """Find the wall grid behind the scene and fit camera and ball plane to all that is known.
+    """Find the wall grid, and fit camera and ball plane to all evidence.
 
     Raises
     ------
     CalibrationError
-        If there is no grid, or it contradicts what is known.
+        If there is no grid, or it contradicts other evidence.
     SetupError
         If the lens file can't be used.
     """
@@ -632,12 +626,12 @@ def calibrate_clip(tracks: Tracks, inputs: Inputs) -> Solved:
 
 
 def known_lens(tracks: Tracks, inputs: Inputs) -> LensPrior | None:
-    """The lens of the setup file, for the clip's picture; None where none is named.
+    """Lens of the setup file, for the clip's picture size; None if none is named.
 
     Raises
     ------
     SetupError
-        If its file can't be read, or its picture has another shape than the clip's.
+        If its file can't be read, or its picture has another aspect ratio than the clip's.
     """
     path = inputs.setup.camera.lens
     if path is None:
@@ -651,10 +645,10 @@ def _known(pair: tuple[float, float] | None) -> Known | None:
 
 
 def scene_evidence(tracks: Tracks, inputs: Inputs) -> Evidence:
-    """What is known of the scene besides its grid.
+    """Evidence on the scene other than its grid.
 
-    The foot of the optical axis is written down as seen from the ball at rest and the floor: where
-    either is not known, so is it not.
+    The foot of the optical axis is measured from the ball at rest and the floor; without these it
+    can't be used.
     """
     camera, wall = inputs.setup.camera, inputs.setup.wall
     foot = camera.principal_point_on_wall
@@ -685,7 +679,7 @@ def _outlines(ball: Track, tracks: Tracks, inputs: Inputs) -> BallOutlines | Non
     diameter = inputs.rig.ball_diameter
     assert diameter is not None
     after = -1 if tracks.rest_frames is None else tracks.rest_frames[1]
-    # the ball is squashed in the first hundredths of a second after its rest
+    # the ball is compressed for some hundredths of a second after its rest
     round_again = ball.frame > after + (0.03 / np.median(np.diff(ball.time_s)))
     good = ball.where(round_again & (ball.quality >= np.median(ball.quality) * 0.5))
     if len(good) < 3:

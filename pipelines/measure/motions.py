@@ -1,15 +1,9 @@
-"""Quantities of the motions that are no strike, each with its budget or the reason why not.
+"""Quantities of motions other than strikes: free flight, collision, free swing.
 
-A free flight or drop by itself: acceleration, speed and direction, and what perspective hides.
-
-Seen by a camera that is not square to the plane of motion, the scale grows along the path: over a
-drop that fills the picture a slant of 1° looks like an acceleration that is 2 % off. A slant also
-bends the path in a way of its own, and the ball's size changes with it: both are fitted together
-with the flight, which is linear in all of its unknowns.
-
-Two like balls or pucks that meet: speeds on both sides, coefficient of restitution.
-
-A free swing by itself: period and damping of what comes and goes along one line.
+If the camera is not square to the plane of motion, the scale changes along the path: over a drop
+that fills the picture, 1° of slant mimics 2 % of acceleration. A slant also bends the path and
+changes the ball's apparent size; both are fitted together with the flight, which is linear in all
+unknowns.
 """
 
 import math
@@ -30,7 +24,12 @@ from metrology import (
     UncertaintySource,
 )
 from metrology.least_squares import Fitted, fit
-from pipelines.measure.checks import WITHHELD_BEYOND, Contradiction, doubted, size_at_scale
+from pipelines.measure.checks import (
+    MAX_CONTRADICTION,
+    Contradiction,
+    apply_contradictions,
+    size_at_scale,
+)
 from pipelines.measure.flight_fit import slow_error_whitening
 from pipelines.measure.impact import disc_contact
 from pipelines.measure.inputs import QuantityName, in_pixels
@@ -54,37 +53,32 @@ __all__ = [
     "fit_free_swing",
     "flight_of",
     "motion_quantities",
-    "rate_by_fall",
+    "rate_from_gravity",
     "require_upright",
     "steady_stretch",
 ]
 
 FloatArray = NDArray[np.float64]
 
-LEAST_FRAMES = 6
+MIN_FLIGHT_FRAMES = 6
+"""Frames: a parabola in two dimensions has six unknowns, each frame two values (derived: twice as
+many values as unknowns)."""
 
-"""Frames: a parabola in two directions has six unknowns and each frame two numbers; half are to
-spare."""
+_RADIUS_RELATIVE_STD = 0.15
+"""Relative rms error of radii of blurred, half-lit or small balls (fitted: recordings annotated by
+others)."""
 
-_OUTLINED = 0.15
-"""Of the radius: what outlines of balls that are smeared, half lit or a few pixels wide are off by,
-root mean square over recordings that others marked."""
-
-_MIDDLE_SHARE = 0.6
-
-"""Of the stretch: what a throw or a bounce does not reach; the rest must carry on from there."""
+_MIDDLE_FRACTION = 0.6
+"""Central fraction of the frames that is surely free of throw and bounce (chosen)."""
 
 _OFF_SIGMAS = 5.0
-
-"""Standard deviations: of a flight of a thousand frames none is farther off by chance."""
+"""Standard deviations (chosen): no frame in a thousand exceeds it by chance."""
 
 ROLL_STD = math.radians(1.5)
-
-"""A camera set up by eye, rad."""
+"""rad, std of the roll of a camera set up by eye (assumed)."""
 
 SIZE_TREND_STD = 0.01
-
-"""Relative change of the apparent radius along a path that light and blur alone may cause."""
+"""Relative std of the change of apparent radius that light and blur cause along a path (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +88,7 @@ class FlightFrames:
     Attributes
     ----------
     time : (N,) array
-        s, or frames where nobody knows the rate.
+        s, or frames if the rate is unknown.
     place : (N, 2) array
         x to the right, y up, m or px.
     std : (N, 2) array
@@ -110,7 +104,7 @@ class FlightFrames:
     size_std: FloatArray
 
     def where(self, keep: NDArray[np.bool_]) -> "FlightFrames":
-        """Rows for which `keep` (N,) is true."""
+        """Rows selected by `keep` (N,)."""
         return FlightFrames(
             self.time[keep], self.place[keep], self.std[keep], self.size[keep], self.size_std[keep]
         )
@@ -118,15 +112,15 @@ class FlightFrames:
 
 @dataclass(frozen=True)
 class FreeFlightPriors:
-    """What is known before looking.
+    """Priors of a free flight.
 
     Attributes
     ----------
     drag, drag_std : float
-        K = ρ S C_D / 2 m, over the unit of length.
+        K = ρ S C_D / 2 m, per unit of length.
     growth_std : float
-        Relative growth of the scale over the length of the path, from how square the camera stands
-        to the plane of motion; 0 where a calibration has taken perspective off.
+        Relative change of scale along the path, from the camera's unknown slant; 0 if a
+        calibration corrects perspective.
     """
 
     drag: float
@@ -136,7 +130,7 @@ class FreeFlightPriors:
 
 @dataclass(frozen=True)
 class _Unknowns:
-    """Names of the fitted vector: over the path's length and duration, at its first frame."""
+    """Fitted vector, scaled by the path's length and duration, at its first frame."""
 
     x: float
     y: float
@@ -159,17 +153,16 @@ class FreeFlight:
     Attributes
     ----------
     acceleration, speed, angle_deg : float
-        Fall acceleration (downwards positive), speed at the first frame, and its angle above the
-        horizontal, which is square to the acceleration; in the units of the path.
+        Fall acceleration (positive downwards), speed at the first frame, and its angle above the
+        normal to the acceleration; in the units of the path.
     noise, perspective, air : (3,) arrays
-        Standard uncertainties of these three from the noise of the track, the camera's slant, and
-        drag.
+        Standard uncertainties of these three from track noise, camera slant and drag.
     path : FlightFrames
-        The frames that belong to it.
+        Frames used.
     residual : (N, 2) array
         Measured minus fitted.
     priors : FreeFlightPriors
-        It was fitted with.
+        Priors used.
     """
 
     acceleration: float
@@ -188,18 +181,18 @@ class FreeFlight:
         return np.array([self.acceleration, self.speed, self.angle_deg])
 
     @cached_property
-    def halves_apart(self) -> float:
-        """How far the accelerations of both halves are apart, in standard uncertainties."""
-        return _halves_apart(self.path, self.priors)
+    def halves_difference(self) -> float:
+        """Difference of the accelerations of both halves, in standard uncertainties."""
+        return _halves_difference(self.path, self.priors)
 
     @property
     def length(self) -> float:
-        """From one end of the path to the other, in its unit."""
+        """Distance between the ends of the path, in its unit."""
         return float(np.hypot(*np.ptp(self.path.place, axis=0)))
 
 
 def steady_stretch(path: FlightFrames) -> FlightFrames:
-    """The longest run about the middle that carries on as a parabola: no hand, no bounce.
+    """The longest run around the middle that fits one parabola: no hand, no bounce.
 
     Raises
     ------
@@ -207,26 +200,28 @@ def steady_stretch(path: FlightFrames) -> FlightFrames:
         With fewer than six frames.
     """
     count = len(path.time)
-    if count < LEAST_FRAMES:
+    if count < MIN_FLIGHT_FRAMES:
         raise TooLittleDataError(
-            f"the flight is seen in only {count} frames",
-            hint="Film so that it stays in the picture for longer, or at a higher rate.",
+            f"the flight is visible in only {count} frames",
+            hint="Film so that it stays in view for longer, or at a higher frame rate.",
         )
     kept = np.ones(count, dtype=bool)
     for _ in range(4):
         time = path.time - path.time[kept].mean()
         order = np.flatnonzero(kept)
-        margin = int(0.5 * (1.0 - _MIDDLE_SHARE) * len(order))
-        middle = order[margin : len(order) - margin] if len(order) > 2 * LEAST_FRAMES else order
+        margin = int(0.5 * (1.0 - _MIDDLE_FRACTION) * len(order))
+        middle = (
+            order[margin : len(order) - margin] if len(order) > 2 * MIN_FLIGHT_FRAMES else order
+        )
         off = _off(path, time, middle)
         near = _run_about(off < _OFF_SIGMAS, int(middle[len(middle) // 2]))
         done = np.array_equal(near, kept) or not near.any()
         kept = near
         if done:
             break
-    if kept.sum() < LEAST_FRAMES:
+    if kept.sum() < MIN_FLIGHT_FRAMES:
         raise TooLittleDataError(
-            "no six frames in a row lie on one free flight",
+            "no six consecutive frames fit one free flight",
             hint="Point at the ball with --ball-at X,Y,FRAME.",
         )
     return path.where(
@@ -235,7 +230,7 @@ def steady_stretch(path: FlightFrames) -> FlightFrames:
 
 
 def _off(path: FlightFrames, time: FloatArray, used: NDArray[np.intp]) -> FloatArray:
-    """How far each frame is from the parabola through some of them, in standard uncertainties."""
+    """Residual of each frame from a parabola through some frames, in standard uncertainties."""
     design = np.stack([np.ones_like(time), time, time**2], axis=1)
     worst = np.zeros(len(time))
     for axis in range(2):
@@ -243,16 +238,16 @@ def _off(path: FlightFrames, time: FloatArray, used: NDArray[np.intp]) -> FloatA
         rows = design[used] / std[used, np.newaxis]
         best = np.linalg.lstsq(rows, path.place[used, axis] / std[used], rcond=None)[0]
         left = path.place[:, axis] - design @ best
-        scatter = 1.4826 * float(np.median(np.abs(left[used] / std[used])))
+        residual_std = 1.4826 * float(np.median(np.abs(left[used] / std[used])))
         covariance = np.linalg.pinv(rows.T @ rows)
         predicted = np.einsum("ni,ij,nj->n", design, covariance, design)
-        spread = max(scatter, 1.0) * np.sqrt(std**2 + predicted)
+        spread = max(residual_std, 1.0) * np.sqrt(std**2 + predicted)
         worst = np.maximum(worst, np.abs(left) / spread)
     return worst
 
 
 def _run_about(good: NDArray[np.bool_], centre: int) -> NDArray[np.bool_]:
-    """The run of good frames about one of them; single frames that are off do not end it."""
+    """The run of good frames around one of them; single outliers do not end it."""
     patched = good.copy()
     patched[1:-1] |= good[:-2] & good[2:]
     first = last = centre
@@ -277,15 +272,15 @@ def fit_free_flight(path: FlightFrames, priors: FreeFlightPriors) -> FreeFlight:
     Raises
     ------
     TooLittleDataError
-        If fewer than six frames belong together.
+        If fewer than six frames fit one flight.
     """
     path = steady_stretch(path)
     fitted, units, residual = _fitted(path, priors)
-    scatter = np.sqrt((residual**2).sum(axis=0) / max(len(residual) - 3, 1))
-    if np.any(scatter > np.median(path.std, axis=0)):
-        # errors that change slowly grow with those that do not: a track that scatters more than it
-        # says is worth less throughout
-        path = replace(path, std=np.maximum(path.std, scatter))
+    residual_std = np.sqrt((residual**2).sum(axis=0) / max(len(residual) - 3, 1))
+    if np.any(residual_std > np.median(path.std, axis=0)):
+        # slowly varying errors scale with random ones: a track noisier than stated is less
+        # accurate throughout
+        path = replace(path, std=np.maximum(path.std, residual_std))
         fitted, units, residual = _fitted(path, priors)
     values = _outcome(fitted.values, units)
     slope = np.stack(
@@ -331,7 +326,7 @@ def _fitted(path: FlightFrames, priors: FreeFlightPriors) -> tuple[Fitted, _Unit
     design = _design(tau, place)
     whiten = slow_error_whitening(tau)
     size, size_rows = _size_trend(path, place)
-    # the unknowns enter linearly: what turns them into residuals is whitened once
+    # the unknowns are linear: their design matrix is whitened once
     rows = np.zeros((2 * len(tau) + 2 * len(size), len(_PLACE)))
     seen = np.zeros(len(rows))
     rows[: 2 * len(tau)] = whiten(design / std[..., np.newaxis]).reshape(-1, len(_PLACE))
@@ -358,7 +353,7 @@ def _fitted(path: FlightFrames, priors: FreeFlightPriors) -> tuple[Fitted, _Unit
 
 
 def _design(tau: FloatArray, place: FloatArray) -> FloatArray:
-    """(N, 2, P): place over the unknowns; drag and growth act along the path as it is seen."""
+    """Design matrix (N, 2, P): drag and growth act along the observed path."""
     design = np.zeros((len(tau), 2, len(_PLACE)))
     coefficients = np.polynomial.polynomial.polyfit(tau, place, 3 if len(tau) > 12 else 2)
     derivative = np.polynomial.polynomial.polyder(coefficients)
@@ -372,7 +367,7 @@ def _design(tau: FloatArray, place: FloatArray) -> FloatArray:
         design[:, axis, 2 + axis] = tau
         design[:, axis, 4 + axis] = 0.5 * tau**2
         design[:, axis, _PLACE["drag"]] = np.interp(tau, grid, slowed[:, axis])
-        # true place = seen place (1 + growth · seen place): what was seen is short of it by that
+        # true position = observed position (1 + growth · observed position)
         design[:, axis, _PLACE["growth_x"]] = -place[:, 0] * place[:, axis]
         design[:, axis, _PLACE["growth_y"]] = -place[:, 1] * place[:, axis]
     return design
@@ -384,12 +379,12 @@ def _integral(values: FloatArray, grid: FloatArray) -> FloatArray:
 
 
 def _size_trend(path: FlightFrames, place: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The apparent size along the path as observations of the growth: values and rows, whitened.
+    """Whitened observations of the scale's growth from the apparent size: values and rows.
 
-    A ball of one size shows the depth of the plane: 1 / radius grows as the scale does.
+    For a ball of constant size 1 / radius grows as the scale does.
     """
     good = np.isfinite(path.size) & (path.size > 0)
-    if good.sum() < LEAST_FRAMES:
+    if good.sum() < MIN_FLIGHT_FRAMES:
         return np.zeros(0), np.zeros((0, 2))
     usual = float(np.median(path.size[good]))
     inverse = usual / path.size[good] - 1.0
@@ -401,19 +396,19 @@ def _size_trend(path: FlightFrames, place: FloatArray) -> tuple[FloatArray, Floa
     seen = place[good] - place[good].mean(axis=0)
     axes = np.linalg.svd(seen, full_matrices=False)[2]
     along = seen @ axes[0]
-    reach = float(np.ptp(along))
+    extent = float(np.ptp(along))
     slope = float(along @ (inverse - inverse.mean()) / (along @ along))
-    std = math.hypot(noise / math.sqrt(float(along @ along)), SIZE_TREND_STD / reach)
+    std = math.hypot(noise / math.sqrt(float(along @ along)), SIZE_TREND_STD / extent)
     return np.array([slope / std]), axes[:1] / std
 
 
 def _outcome(values: FloatArray, units: _Units) -> FloatArray:
-    """Acceleration, speed at the first frame, angle (rad) above square to the acceleration."""
+    """Acceleration, speed at the first frame, and its angle (rad) above the normal to it."""
     v = _Unknowns(*(float(value) for value in values))
     pull = math.hypot(v.ax, v.ay)
     down = np.array([v.ax, v.ay]) / max(pull, 1e-300)
     rising = -(v.vx * down[0] + v.vy * down[1])
-    # to the right, square to the acceleration
+    # to the right, normal to the acceleration
     across = v.vx * -down[1] + v.vy * down[0]
     signed = pull if v.ay <= 0 else -pull
     if v.ay > 0:
@@ -440,10 +435,10 @@ def _without(covariance: FloatArray, names: list[str]) -> FloatArray:
     return out
 
 
-def _halves_apart(path: FlightFrames, priors: FreeFlightPriors) -> float:
+def _halves_difference(path: FlightFrames, priors: FreeFlightPriors) -> float:
     """Difference of the two halves' accelerations over its standard uncertainty."""
     half = len(path.time) // 2
-    if half < LEAST_FRAMES:
+    if half < MIN_FLIGHT_FRAMES:
         return 0.0
     found = []
     for part in (slice(0, half), slice(half, None)):
@@ -458,30 +453,27 @@ def _halves_apart(path: FlightFrames, priors: FreeFlightPriors) -> float:
 
 
 LINE_FRAMES = 20
+"""Frames of a line on one side of the collision (chosen; bodies hardly slow down over them)."""
 
-"""Frames of a line on one side of the meeting: rolling and sliding slow down little over them."""
+MIN_COLLISION_FRAMES = 4
+"""Frames on each side: two give a velocity, two more test it (derived)."""
 
-LEAST_COLLISION_FRAMES = 4
-
-"""Frames on either side: two give a velocity, two more show whether it is steady."""
-
-CENTRE_STD_SHARE = 0.02
-
-"""Of the radius: how far an outline's centre may lie off the body's, for the line of centres."""
+CENTRE_STD_FRACTION = 0.02
+"""Of the radius: std of an outline's centre from the body's, for the line of centres (chosen)."""
 
 
 @dataclass(frozen=True)
 class Passage:
-    """One body on one side of the meeting, by a line or a parabola through its frames.
+    """One body on one side of the collision, by a line or a parabola through its frames.
 
     Attributes
     ----------
     velocity : (2,) array
-        At the meeting, px per unit of time.
+        At the collision, px per unit of time.
     covariance : (2, 2) array
-        Its covariance, with the doubt between line and parabola.
+        Its covariance, including the choice between line and parabola.
     place : (2,) array
-        At the meeting, px.
+        At the collision, px.
     place_covariance : (2, 2) array
     """
 
@@ -500,17 +492,17 @@ class Passage:
 
 @dataclass(frozen=True)
 class Collision:
-    """Both bodies on both sides; the first is the one that lay still.
+    """Both bodies on both sides; the first is the one initially at rest.
 
     Attributes
     ----------
     time : float
-        When they meet, in the unit of the tracks.
+        Time of the collision, in the unit of the tracks.
     before, after, other_before, other_after : Passage
     cor, cor_std : float
-        Parting over approaching speed along the line of centres.
-    momentum_apart : float
-        Change of the total momentum of two like bodies over its standard uncertainty.
+        Separation speed over approach speed along the line of centres.
+    momentum_change : float
+        Change of the total momentum of two equal bodies over its standard uncertainty.
     """
 
     time: float
@@ -520,30 +512,30 @@ class Collision:
     other_after: Passage
     cor: float
     cor_std: float
-    momentum_apart: float
+    momentum_change: float
 
 
 def fit_collision(ball: Track, other: Track, time: float, clock: FloatArray) -> Collision:
-    """Fit a line to each body on each side of the meeting, never across it.
+    """Fit a line to each body on each side of the collision, never across it.
 
     Parameters
     ----------
     ball, other : Track
         Tracks of both, px.
     time : float
-        When they meet, in the unit of `clock`.
+        Time of the collision, in the unit of `clock`.
     clock : (F,) array
-        Time of each frame of the clip: s, or frames.
+        Time of each frame of the clip: s or frames.
 
     Raises
     ------
     TooLittleDataError
-        If one of them is not seen on both sides.
+        If one of them is not visible on both sides.
     """
     step = float(np.median(np.diff(clock)))
     sides = [
         _passage(track, clock, time, side, step, name)
-        for track, name in ((ball, "the ball struck"), (other, "the ball that strikes"))
+        for track, name in ((ball, "the struck ball"), (other, "the striking ball"))
         for side in (-1, 1)
     ]
     before, other_before = sides[0], sides[2]
@@ -555,7 +547,7 @@ def fit_collision(ball: Track, other: Track, time: float, clock: FloatArray) -> 
 
     velocities = [side.velocity for side in sides]
     line = before.place - other_before.place
-    reach = float(np.hypot(*line))
+    distance = float(np.hypot(*line))
     cor = restitution(velocities, line)
     variance = 0.0
     for index, side in enumerate(sides):
@@ -563,9 +555,9 @@ def fit_collision(ball: Track, other: Track, time: float, clock: FloatArray) -> 
             moved = list(velocities)
             moved[index] = moved[index] + math.sqrt(max(value, 0.0)) * vector
             variance += (restitution(moved, line) - cor) ** 2
-    across = np.array([-line[1], line[0]]) / reach
+    across = np.array([-line[1], line[0]]) / distance
     spread = before.place_covariance + other_before.place_covariance
-    centres = CENTRE_STD_SHARE * 0.5 * reach
+    centres = CENTRE_STD_FRACTION * 0.5 * distance
     shift = math.sqrt(float(across @ spread @ across) + 2.0 * centres**2)
     variance += (restitution(velocities, line + shift * across) - cor) ** 2
     return Collision(
@@ -576,12 +568,12 @@ def fit_collision(ball: Track, other: Track, time: float, clock: FloatArray) -> 
         sides[3],
         cor,
         math.sqrt(variance),
-        _momentum_apart(sides),
+        _momentum_change(sides),
     )
 
 
-def _momentum_apart(sides: list[Passage]) -> float:
-    """Change of v + v' over its standard uncertainty: like bodies keep it."""
+def _momentum_change(sides: list[Passage]) -> float:
+    """Change of v + v' over its standard uncertainty: zero for equal bodies."""
     before, after, other_before, other_after = sides
     change = after.velocity + other_after.velocity - before.velocity - other_before.velocity
     covariance = sum((side.covariance for side in sides), np.zeros((2, 2)))
@@ -593,31 +585,31 @@ def _passage(
 ) -> Passage:
     at = clock[track.frame] - time
     used = (side * at > 0.6 * step) & (side * at < (LINE_FRAMES + 0.6) * step)
-    if used.sum() < LEAST_COLLISION_FRAMES:
+    if used.sum() < MIN_COLLISION_FRAMES:
         where = "before" if side < 0 else "after"
         raise TooLittleDataError(
-            f"{name} is seen in only {used.sum()} frames just {where} they meet",
-            hint="Film both for five frames on each side of the meeting.",
+            f"{name} is visible in only {used.sum()} frames just {where} the collision",
+            hint="Film both for five frames on each side of the collision.",
         )
     elapsed, place = at[used] / step, track.centre_px[used]
     std = np.sqrt(0.5 * np.trace(track.covariance_px2[used], axis1=1, axis2=2))
     straight = _line(elapsed, place, std, 1)
-    if used.sum() < 2 * LEAST_COLLISION_FRAMES:
+    if used.sum() < 2 * MIN_COLLISION_FRAMES:
         return _in_time(straight, np.zeros(2), step)
-    # a body that slows down: the parabola is right where it matters, and costs where it does not
+    # for a body that slows down the parabola is right; otherwise it only costs precision
     bent = _line(elapsed, place, std, 2)
     bend, bend_var = bent[2]
-    telling = bool(np.any(np.abs(bend) > 3.0 * np.sqrt(bend_var)))
-    chosen, rival = (bent, straight) if telling else (straight, bent)
-    doubt = np.zeros(2) if telling else 0.5 * (rival[0][1] - chosen[0][1])
-    return _in_time(chosen, doubt, step)
+    significant = bool(np.any(np.abs(bend) > 3.0 * np.sqrt(bend_var)))
+    chosen, other_fit = (bent, straight) if significant else (straight, bent)
+    model_std = np.zeros(2) if significant else 0.5 * (other_fit[0][1] - chosen[0][1])
+    return _in_time(chosen, model_std, step)
 
 
 _Line = tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]
 
 
 def _line(elapsed: FloatArray, place: FloatArray, std: FloatArray, degree: int) -> _Line:
-    """Coefficients (D+1, 2), their covariance (D+1, D+1, 2), and the bend with its variance."""
+    """Coefficients (D+1, 2), covariance (D+1, D+1, 2), and quadratic term with its variance."""
     design = elapsed[:, np.newaxis] ** np.arange(degree + 1)
     weight = 1.0 / np.maximum(std, 0.3 * float(np.median(std)))
     rows = design * weight[:, np.newaxis]
@@ -625,40 +617,34 @@ def _line(elapsed: FloatArray, place: FloatArray, std: FloatArray, degree: int) 
     best = normal @ rows.T @ (place * weight[:, np.newaxis])
     left = (place - design @ best) * weight[:, np.newaxis]
     freedom = max(len(elapsed) - degree - 1, 1)
-    scatter = np.maximum((left**2).sum(axis=0) / freedom, 1.0)
-    covariance = normal[:, :, np.newaxis] * scatter
+    residual_std = np.maximum((left**2).sum(axis=0) / freedom, 1.0)
+    covariance = normal[:, :, np.newaxis] * residual_std
     bend = best[2] if degree == 2 else np.zeros(2)
     bend_var = covariance[2, 2] if degree == 2 else np.full(2, np.inf)
     return best, covariance, (bend, bend_var)
 
 
-def _in_time(line: _Line, doubt: FloatArray, step: float) -> Passage:
+def _in_time(line: _Line, model_std: FloatArray, step: float) -> Passage:
     best, covariance, _ = line
-    spread = np.diag(covariance[1, 1]) + np.outer(doubt, doubt)
+    spread = np.diag(covariance[1, 1]) + np.outer(model_std, model_std)
     return Passage(best[1] / step, spread / step**2, best[0], np.diag(covariance[0, 0]))
 
 
-LEAST_SWING_FRAMES = 12
+MIN_FREE_SWING_FRAMES = 12
+"""Frames: a damped swing has five unknowns (derived: more than twice as many values)."""
 
-"""Frames: a damped swing has five unknowns and each frame one number; more than half are to
-spare."""
-
-LEAST_PERIODS = 0.75
-
-"""Below, a part of a swing tells neither its middle nor its amplitude, and so no period."""
+MIN_PERIODS = 0.75
+"""Periods below which midpoint, amplitude and period are degenerate (chosen)."""
 
 _TRIALS_PER_PERIOD = 12
+"""Trial frequencies per resolution of the record (derived: the nearest misses at most 0.6 % of the
+peak, 1 − sinc²(1/24))."""
 
-"""Trial frequencies per resolution of the record (one over its length): the nearest misses 0.6 % of
-the peak at most, 1 − sinc²(1/24)."""
-
-_MOST_MISFIT = 0.25
-
-"""Of the amplitude: what misses a damped swing by more does not swing freely."""
+_MAX_SWING_MISFIT = 0.25
+"""Median residual over the amplitude beyond which a swing is not free (chosen)."""
 
 FLAT_DAMPING_STD = 1.0
-
-"""Decay over one period that nobody expects to be exceeded by what swings freely, 1."""
+"""Dimensionless std of the prior of the decay over one period (chosen; wide for free swings)."""
 
 
 @dataclass(frozen=True)
@@ -668,13 +654,13 @@ class FreeSwing:
     Attributes
     ----------
     period, period_std : float
-        Of one full swing, at the amplitude seen.
+        Of one full swing, at the observed amplitude.
     damping, damping_std : float
-        Rate at which the amplitude decays, over the unit of time.
+        Decay rate of the amplitude, per unit of time.
     amplitude : float
-        At the first frame, in the unit of the places.
+        At the first frame, in the unit of the positions.
     periods : float
-        How many are seen.
+        Number of periods in view.
     """
 
     period: float
@@ -687,7 +673,7 @@ class FreeSwing:
 
 @dataclass(frozen=True)
 class _SwingVector:
-    """Names of the fitted vector; phase in turns, rates over the stretch."""
+    """Fitted vector; phase in turns, rates over the duration."""
 
     cosine: float
     sine: float
@@ -697,7 +683,7 @@ class _SwingVector:
 
 
 def fit_free_swing(time: FloatArray, place: FloatArray, std: FloatArray) -> FreeSwing:
-    """Fit a damped swing to the way along the line that it swings on.
+    """Fit a damped swing to the motion along its main axis.
 
     Parameters
     ----------
@@ -711,11 +697,11 @@ def fit_free_swing(time: FloatArray, place: FloatArray, std: FloatArray) -> Free
     Raises
     ------
     TooLittleDataError, NotFoundError
-        If less than three quarters of a swing is seen, or it is no free swing.
+        If less than three quarters of a swing is in view, or it is not free.
     """
-    if len(time) < LEAST_SWING_FRAMES:
+    if len(time) < MIN_FREE_SWING_FRAMES:
         raise TooLittleDataError(
-            f"the swing is seen in only {len(time)} frames", hint="Film more of it."
+            f"the swing is visible in only {len(time)} frames", hint="Film more of it."
         )
     centred = place - place.mean(axis=0)
     along = centred @ np.linalg.svd(centred, full_matrices=False)[2][0]
@@ -738,12 +724,12 @@ def fit_free_swing(time: FloatArray, place: FloatArray, std: FloatArray) -> Free
     found = _SwingVector(*(float(value) for value in fitted.values))
     amplitude = math.hypot(found.cosine, found.sine)
     off = float(np.median(np.abs(model(fitted.values) - along)))
-    if found.turns <= 0 or off > _MOST_MISFIT * amplitude:
+    if found.turns <= 0 or off > _MAX_SWING_MISFIT * amplitude:
         raise NotFoundError(
-            "what comes and goes does not swing freely: no damped swing fits it",
-            hint="Film several swings without a touch, or say what is to be measured.",
+            "the oscillation is not a free swing: no damped swing fits it",
+            hint="Film several swings without touching it.",
         )
-    if found.turns < LEAST_PERIODS:
+    if found.turns < MIN_PERIODS:
         raise TooLittleDataError(
             f"only {found.turns:.2f} of a full swing is in view", hint="Film a whole swing."
         )
@@ -763,8 +749,8 @@ _INDEX = {name: index for index, name in enumerate(_SwingVector.__annotations__)
 
 
 def _start(tau: FloatArray, along: FloatArray) -> list[float]:
-    """The strongest frequency, and the swing of that frequency that fits best."""
-    # imported where it is used: few clips show a swing, and it takes long to import
+    """Start values: the strongest frequency, and the best swing at it."""
+    # imported here: few clips show a swing, and the import is slow
     from scipy.signal import lombscargle
 
     most = max(2.0, len(tau) / 4.0)
@@ -780,50 +766,39 @@ def _start(tau: FloatArray, along: FloatArray) -> list[float]:
 Mapping = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 _HORIZONTAL_SLANT = math.radians(6.0)
+"""rad, std of the slant of a camera set up by eye (assumed)."""
 
-"""A camera set up by eye, rad."""
-
-NARROWEST_FOCAL_OVER_SIZE = 0.9
-
-"""Focal length over the picture's longer side of the widest lens to expect (58° of view)."""
+MIN_FOCAL_OVER_SIZE = 0.9
+"""Focal length over the longer side of the picture, of the widest lens expected (58° of view)."""
 
 UNKNOWN_DRAG_OVER_PATH = 0.03
+"""K times path length for an unknown ball (chosen: a tennis ball over two metres)."""
 
-"""K times the path, for a ball of which nothing is known: a tennis ball over two metres."""
-
-_MOST_ANGLE_STD = 20.0
-
-"""deg: a direction that is less sure is none."""
+_MAX_ANGLE_STD_DEG = 20.0
+"""deg, maximum std of a stated direction (chosen)."""
 
 _STEADY_SIGMAS = 4.0
+"""Standard deviations between both halves of a flight (convention: exceeded by 1 in 16 000)."""
 
-"""Standard deviations between both halves of a flight: one honest flight in sixteen thousand is
-farther apart."""
+_OTHER_BALL = "check that the ball was tracked (clip: --ball-at X,Y; tracks: --columns ball=NAME)"
 
-_OTHER_BALL = "is it the ball? (--ball-at in a clip, --columns ball=NAME among tracks)"
+_MIN_FLIGHT_FRACTION = 0.6
+"""Minimum fraction of the frames that a motion must explain (chosen)."""
 
-_LEAST_SHARE = 0.6
-
-"""Of the frames that a motion must explain to be called by its name: more than half, by a
-margin."""
-
-_MOST_OFF_BY = 0.01
-
-"""Of the path's length: outlines of balls are found to better than that, arcs miss it."""
+_MAX_RELATIVE_RESIDUAL = 0.01
+"""Maximum median residual over path length (chosen; outlines are better, arcs worse)."""
 
 _MOMENTUM_SIGMAS = 4.0
-
-"""Standard deviations: of honest collisions one in sixteen thousand is farther off."""
+"""Standard deviations (convention: exceeded by 1 collision in 16 000)."""
 
 _GRAVITY_SIGMAS = 3.0
+"""Standard deviations (convention: exceeded by 1 flight in 370)."""
 
-"""Standard deviations: of honest flights one in 370 is farther off."""
+MIN_GRAVITY_POWER = 0.5
+"""Minimum probability of detecting a relevant deviation for a check to pass (chosen)."""
 
-LEAST_POWER = 0.5
-
-RELEVANT_SHARE = 0.1
-
-"""Share of gravity: what a check must be able to see to say anything about rate and scale."""
+RELEVANT_FRACTION = 0.1
+"""Of gravity: deviation that a check of rate and scale must be able to detect (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -833,32 +808,32 @@ class PlaneScale:
     Attributes
     ----------
     metres_per_px : float
-    share : float
+    relative_std : float
         Relative standard uncertainty.
     source : UncertaintySource
     """
 
     metres_per_px: float
-    share: float
+    relative_std: float
     source: UncertaintySource
 
 
 @dataclass(frozen=True)
 class MotionScene:
-    """What turns pixels and frames into metres and seconds.
+    """Conversion from pixels and frames to metres and seconds.
 
     Attributes
     ----------
     clock : (F,) array
         Times of all frames of the clip, in frames.
     fps, fps_std : float
-        Rate; an infinite uncertainty where nobody knows it.
+        Frame rate; the std is infinite if it is unknown.
     scale : PlaneScale or None
-        None where there is a calibration, or no scale at all.
+        None with a calibration, or without any scale.
     mapping : callable or None
         Outline centres and covariances to metres through a calibrated camera.
     mapping_steps : tuple of (source, callable)
-        The same with each input of the calibration one standard deviation off.
+        The same with each input of the calibration changed by one standard deviation.
     drag : (2,) tuple of float
         K with its standard uncertainty, 1/m.
     gravity : float
@@ -866,10 +841,9 @@ class MotionScene:
     size : float
         Longer side of the picture, px.
     rate_from_fall : bool
-        Whether this very fall told the rate.
+        Whether the rate was estimated from this fall.
     diameter : (2,) tuple of float or None
-        Of the ball, m, with its relative standard uncertainty, where something else than it tells
-        the scale.
+        Of the ball, m, with its relative standard uncertainty, if the scale has another source.
     """
 
     clock: FloatArray
@@ -886,18 +860,18 @@ class MotionScene:
 
     @property
     def timed(self) -> bool:
-        """Whether frames are seconds."""
+        """Whether the frame rate is known."""
         return math.isfinite(self.fps_std)
 
     @property
     def metric(self) -> bool:
-        """Whether pixels are metres."""
+        """Whether a scale is known."""
         return self.scale is not None or self.mapping is not None
 
 
 @dataclass(frozen=True)
 class MotionResults:
-    """What was measured of a motion; `gravity` is its fall as the check of rate and scale."""
+    """Measured quantities of a motion; `gravity` is its fall, which checks rate and scale."""
 
     quantities: dict[str, Quantity] = field(default_factory=dict)
     checks: tuple[Check, ...] = ()
@@ -905,7 +879,7 @@ class MotionResults:
 
 
 def motion_quantities(tracks: Tracks, scene: MotionScene) -> MotionResults:
-    """Quantities of the motion seen; those of other motions are left to the caller."""
+    """Quantities of the observed motion; those of other motions are left to the caller."""
     kind = tracks.motion.kind
     try:
         if kind in (MotionKind.FLIGHT, MotionKind.DROP):
@@ -913,7 +887,7 @@ def motion_quantities(tracks: Tracks, scene: MotionScene) -> MotionResults:
         if kind is MotionKind.SWING:
             return _swinging(tracks, scene)
         if kind is MotionKind.COLLISION:
-            return _meeting(tracks, scene)
+            return _colliding(tracks, scene)
     except MeasurementError as problem:
         return MotionResults(
             {
@@ -944,20 +918,19 @@ _UNITS: dict[MotionKind, dict[QuantityName, str]] = {
 
 
 @dataclass(frozen=True)
-class RateByFall:
-    """A capture rate, frames per second, with its standard uncertainty."""
+class RateFromGravity:
+    """Frame rate, 1/s, with its standard uncertainty."""
 
     fps: float
     std: float
 
 
-MOST_RATE_SHARE = 0.1
+MAX_RATE_RELATIVE_STD = 0.1
+"""Relative std beyond which an estimated rate is not used (chosen)."""
 
-"""Relative uncertainty of a rate beyond which it tells no seconds."""
 
-
-def rate_by_fall(tracks: Tracks, scene: MotionScene) -> RateByFall | None:
-    """The rate at which the flight falls with gravity; None where it tells too little of it.
+def rate_from_gravity(tracks: Tracks, scene: MotionScene) -> RateFromGravity | None:
+    """Frame rate at which the flight falls with gravity; None if it is too uncertain.
 
     Raises
     ------
@@ -971,15 +944,15 @@ def rate_by_fall(tracks: Tracks, scene: MotionScene) -> RateByFall | None:
     std = math.sqrt(sum(line.std**2 for line in budget))
     if flight.acceleration <= 0 or _steady(flight, len(ball)).outcome is CheckOutcome.FAILED:
         return None
-    share = 0.5 * std / flight.acceleration
-    if share > MOST_RATE_SHARE:
+    relative_std = 0.5 * std / flight.acceleration
+    if relative_std > MAX_RATE_RELATIVE_STD:
         return None
     fps = math.sqrt(scene.gravity / flight.acceleration)
-    return RateByFall(fps, share * fps)
+    return RateFromGravity(fps, relative_std * fps)
 
 
 def applicable(tracks: Tracks) -> Track:
-    """The rows of the ball's track to which its motion applies."""
+    """Rows of the ball's track to which its motion applies."""
     ball = tracks.ball
     if tracks.motion.frames is None:
         return ball
@@ -989,12 +962,12 @@ def applicable(tracks: Tracks) -> Track:
 
 
 def flight_of(ball: Track, scene: MotionScene, mapping: Mapping | None = None) -> FreeFlight:
-    """The free flight of a track, in metres where there is a scale and seconds where a rate.
+    """Free flight of a track, in metres with a scale and seconds with a rate, else px and frames.
 
     Raises
     ------
     MeasurementError
-        If there is no free flight in it.
+        If there is no free flight.
     """
     chosen = scene.mapping if mapping is None else mapping
     std_px = np.sqrt(np.diagonal(ball.covariance_px2, axis1=1, axis2=2))
@@ -1006,15 +979,15 @@ def flight_of(ball: Track, scene: MotionScene, mapping: Mapping | None = None) -
         per_px = 1.0 if scene.scale is None else scene.scale.metres_per_px
         place = ball.centre_px * [per_px, -per_px]
         std = std_px * per_px
-        reach = float(np.hypot(*np.ptp(ball.centre_px, axis=0)))
-        focal = NARROWEST_FOCAL_OVER_SIZE * scene.size
-        growth = math.tan(_HORIZONTAL_SLANT) * reach / focal
+        extent = float(np.hypot(*np.ptp(ball.centre_px, axis=0)))
+        focal = MIN_FOCAL_OVER_SIZE * scene.size
+        growth = math.tan(_HORIZONTAL_SLANT) * extent / focal
     drag, drag_std = scene.drag
     if not scene.metric:
-        reach = max(float(np.hypot(*np.ptp(place, axis=0))), 1e-12)
-        drag, drag_std = UNKNOWN_DRAG_OVER_PATH / reach, UNKNOWN_DRAG_OVER_PATH / reach
+        extent = max(float(np.hypot(*np.ptp(place, axis=0))), 1e-12)
+        drag, drag_std = UNKNOWN_DRAG_OVER_PATH / extent, UNKNOWN_DRAG_OVER_PATH / extent
     time = scene.clock[ball.frame] / (scene.fps if scene.timed else 1.0)
-    # with a calibration the size has done its part already
+    # a calibration already uses the size
     size = ball.radius_px if chosen is None else np.full(len(ball), np.nan)
     path = FlightFrames(time, place, std, size, ball.radius_std_px)
     return fit_free_flight(path, FreeFlightPriors(drag, drag_std, growth))
@@ -1024,21 +997,21 @@ _NAMES = (QuantityName.FALL_ACCELERATION, QuantityName.FLIGHT_SPEED, QuantityNam
 
 
 def require_upright(tracks: Tracks) -> None:
-    """Refuse a clip in which things fall sideways or up: nothing tells where down is but the fall.
+    """Refuse a clip in which objects fall sideways or up; only the fall shows where down is.
 
     Raises
     ------
     NotFoundError
-        If what falls does so more aslant than any camera is held that is meant to be upright.
+        If the fall is more oblique than any upright camera.
     """
     fall = tracks.motion.fall_px
     if fall is None or fall[1] > abs(fall[0]):
         return
     side = "top" if -fall[1] > abs(fall[0]) else "right" if fall[0] > 0 else "left"
     raise NotFoundError(
-        f"what was followed falls towards the {side} of the picture: the camera lay on its side,"
-        " the file lost how it is to be turned, or it is not the ball in flight",
-        hint="Turn the clip so that the ball falls down, and measure that; where the camera stood "
+        f"the tracked object falls towards the {side} of the picture: the camera was rotated,"
+        " the rotation flag of the file is lost, or it is not the ball in flight",
+        hint="Rotate the clip so that the ball falls down and measure that; if the camera was "
         "upright, point at the ball with --ball-at X,Y.",
     )
 
@@ -1065,67 +1038,76 @@ def _falling(tracks: Tracks, scene: MotionScene) -> MotionResults:
     gravity, by_gravity = _by_gravity(acceleration, scene)
     if steady.outcome is CheckOutcome.FAILED:
         everything = frozenset(QuantityName(name) for name in found)
-        found = doubted(found, [Contradiction(everything, math.inf, True, steady.statement)])
+        found = apply_contradictions(
+            found, [Contradiction(everything, math.inf, True, steady.statement)]
+        )
     elif by_gravity is not None and by_gravity.outcome is CheckOutcome.FAILED:
         assert acceleration.value is not None
         off = abs(acceleration.value / scene.gravity - 1.0)
-        hangs = {QuantityName.FALL_ACCELERATION, QuantityName.FLIGHT_SPEED}
-        if off > WITHHELD_BEYOND:
-            # what falls so much otherwise may be no flight at all
-            hangs.add(QuantityName.FLIGHT_ANGLE)
-        found = doubted(found, [Contradiction(frozenset(hangs), off, False, by_gravity.statement)])
+        affected = {QuantityName.FALL_ACCELERATION, QuantityName.FLIGHT_SPEED}
+        if off > MAX_CONTRADICTION:
+            # a deviation this large may be no flight at all
+            affected.add(QuantityName.FLIGHT_ANGLE)
+        found = apply_contradictions(
+            found, [Contradiction(frozenset(affected), off, False, by_gravity.statement)]
+        )
     if scene.rate_from_fall and acceleration.known:
-        told = "the fall told the capture rate, which nobody says: give it with --fps RATE"
+        diameter_m = "the capture rate was estimated from this fall; give it with --fps RATE"
         fallen = QuantityName.FALL_ACCELERATION.value
-        found[fallen] = Quantity.missing(fallen, "m/s^2", told)
+        found[fallen] = Quantity.missing(fallen, "m/s^2", diameter_m)
     size = _size(ball, scene)
     if size is not None and size.outcome is CheckOutcome.FAILED:
-        # another scale, or another thing: a length is right in neither case
-        hangs = {QuantityName.FALL_ACCELERATION, QuantityName.FLIGHT_SPEED}
-        doubt = Contradiction(frozenset(hangs), math.inf, True, size.statement)
-        found = doubted(found, [doubt])
+        # wrong scale or wrong object: no length is right in either case
+        affected = {QuantityName.FALL_ACCELERATION, QuantityName.FLIGHT_SPEED}
+        model_std = Contradiction(frozenset(affected), math.inf, True, size.statement)
+        found = apply_contradictions(found, [model_std])
     checks = [one for one in (steady, by_gravity, size) if one is not None]
     return MotionResults(found, tuple(checks), gravity)
 
 
 def _size(ball: Track, scene: MotionScene) -> Check | None:
-    """Whether what was followed is as large as the ball is said to be, where a scale is given."""
+    """Check the size of the tracked object against the given diameter, if a scale is given."""
     if scene.diameter is None or scene.scale is None:
         return None
-    looks = 2.0 * float(np.median(ball.radius_px)) * scene.scale.metres_per_px
-    told, share = scene.diameter
-    share = float(np.linalg.norm([share, scene.scale.share, _OUTLINED]))
-    advice = (
-        f"a part of it was followed, or another thing: {_OTHER_BALL}; or check --ball and --scale"
+    measured = 2.0 * float(np.median(ball.radius_px)) * scene.scale.metres_per_px
+    diameter_m, relative_std = scene.diameter
+    relative_std = float(
+        np.linalg.norm([relative_std, scene.scale.relative_std, _RADIUS_RELATIVE_STD])
     )
-    return size_at_scale(looks, share, told, advice)
+    advice = (
+        f"only part of it, or another object, was tracked: {_OTHER_BALL}; or check --ball and"
+        " --scale"
+    )
+    return size_at_scale(measured, relative_std, diameter_m, advice)
 
 
 def _by_gravity(fall: Quantity, scene: MotionScene) -> tuple[Quantity | None, Check | None]:
-    """Whether it falls as gravity has it; rate or scale are wrong where it does not."""
+    """Check the fall against gravity; a difference means a wrong rate or scale."""
     if fall.value is None or fall.std is None:
         return None, None
     gravity = replace(fall, name="gravity_check")
-    text = f"it falls with {fall.value:.2f} ± {fall.std:.2f} m/s²"
+    text = f"fall acceleration {fall.value:.2f} ± {fall.std:.2f} m/s²"
     if scene.rate_from_fall:
-        said = f"{text}, which told the capture rate and so can't check it"
-        return gravity, Check(CheckKind.GRAVITY, CheckOutcome.UNDECIDED, said, 0.0)
+        statement = f"{text}; the capture rate was estimated from it, so it can't check the rate"
+        return gravity, Check(CheckKind.GRAVITY, CheckOutcome.UNDECIDED, statement, 0.0)
     off = abs(fall.value - scene.gravity)
-    power = float(scipy.special.ndtr(-_GRAVITY_SIGMAS + RELEVANT_SHARE * scene.gravity / fall.std))
-    outcome = CheckOutcome.PASSED if power >= LEAST_POWER else CheckOutcome.UNDECIDED
+    power = float(
+        scipy.special.ndtr(-_GRAVITY_SIGMAS + RELEVANT_FRACTION * scene.gravity / fall.std)
+    )
+    outcome = CheckOutcome.PASSED if power >= MIN_GRAVITY_POWER else CheckOutcome.UNDECIDED
     if off > _GRAVITY_SIGMAS * fall.std:
         outcome = CheckOutcome.FAILED
         rises = abs(fall.value + scene.gravity) <= _GRAVITY_SIGMAS * fall.std
         advice = (
-            "it falls upwards as fast as it should fall down: does y point down in this table, or"
-            " is the picture upside down?"
+            "the same acceleration upwards: does y point down in this table, or is the picture"
+            " upside down?"
             if rises
-            else f"check --fps (another rate than {scene.fps:g} fps?) and the scale, and that it"
-            " falls freely"
+            else f"check --fps (now {scene.fps:g} fps) and the scale, and that the motion is free"
+            " fall"
         )
         text += f", not {scene.gravity:.2f}: {advice}"
     elif outcome is CheckOutcome.UNDECIDED:
-        text += ": too unsure to tell anything of rate and scale"
+        text += ": too uncertain to check rate and scale"
     return gravity, Check(CheckKind.GRAVITY, outcome, text, power)
 
 
@@ -1137,7 +1119,7 @@ class _Lines:
     ----------
     flight : FreeFlight
     apart : tuple of (source, (3,) array)
-        By how much the three change with each step of the mapping.
+        Change of the three with each step of the mapping.
     """
 
     flight: FreeFlight
@@ -1159,8 +1141,8 @@ class _Lines:
         ]
         powers = {0: (1.0, 2.0), 1: (1.0, 1.0), 2: (0.0, 0.0)}[index]
         if scene.scale is not None:
-            share = powers[0] * scene.scale.share * abs(float(flight.outcome[index]))
-            lines.append(Contribution(scene.scale.source, share))
+            relative_std = powers[0] * scene.scale.relative_std * abs(float(flight.outcome[index]))
+            lines.append(Contribution(scene.scale.source, relative_std))
         if scene.timed:
             clock = powers[1] * scene.fps_std / scene.fps * abs(float(flight.outcome[index]))
             lines.append(Contribution(UncertaintySource.CAPTURE_RATE, clock))
@@ -1170,40 +1152,40 @@ class _Lines:
 
 
 def _steady(flight: FreeFlight, frames: int) -> Check:
-    """Whether the whole falls alike: what is carried, rolls or swings does so over short runs only.
+    """Check that both halves fall equally: a carried, rolling or swinging object does not.
 
-    Any smooth path looks like a parabola for a while: the run that does must be most of it.
+    Any smooth path resembles a parabola for a while, so the run that does must be most of it.
     """
-    telling = flight.noise[0] < RELEVANT_SHARE * abs(flight.acceleration)
+    significant = flight.noise[0] < RELEVANT_FRACTION * abs(flight.acceleration)
     text = (
-        f"the accelerations of its two halves are {flight.halves_apart:.1f} standard uncertainties"
-        " apart"
+        f"the accelerations of its two halves differ by {flight.halves_difference:.1f} standard"
+        " uncertainties"
     )
-    share = len(flight.path.time) / frames
+    fraction = len(flight.path.time) / frames
     off_by = float(np.median(np.hypot(*flight.residual.T))) / flight.length
-    if share < _LEAST_SHARE or off_by > _MOST_OFF_BY:
+    if fraction < _MIN_FLIGHT_FRACTION or off_by > _MAX_RELATIVE_RESIDUAL:
         return Check(
             CheckKind.STEADY_FALL,
             CheckOutcome.FAILED,
-            f"what was followed does not fall freely: {100 * share:.0f} % of its frames lie on one"
-            f" flight, {100 * off_by:.1f} % of its length off; {_OTHER_BALL}",
+            f"the tracked object is not in free fall: {100 * fraction:.0f} % of its frames fit one"
+            f" flight, median residual {100 * off_by:.1f} % of its length; {_OTHER_BALL}",
         )
-    if flight.halves_apart > _STEADY_SIGMAS:
+    if flight.halves_difference > _STEADY_SIGMAS:
         return Check(
             CheckKind.STEADY_FALL,
             CheckOutcome.FAILED,
-            f"what was followed does not fall freely: {text}; {_OTHER_BALL}",
+            f"the tracked object is not in free fall: {text}; {_OTHER_BALL}",
         )
-    outcome = CheckOutcome.PASSED if telling else CheckOutcome.UNDECIDED
+    outcome = CheckOutcome.PASSED if significant else CheckOutcome.UNDECIDED
     return Check(CheckKind.STEADY_FALL, outcome, text)
 
 
 def _angle(value: float, budget: tuple[Contribution, ...], kind: MotionKind) -> Quantity:
     name = QuantityName.FLIGHT_ANGLE.value
     found = Quantity.measured(name, value, "deg", budget)
-    if kind is MotionKind.DROP or (found.std or 0.0) > _MOST_ANGLE_STD:
+    if kind is MotionKind.DROP or (found.std or 0.0) > _MAX_ANGLE_STD_DEG:
         return Quantity.missing(
-            name, "deg", "it falls nearly from rest: its path has no angle at the first frame"
+            name, "deg", "it falls nearly from rest, so its path has no angle at the first frame"
         )
     return found
 
@@ -1211,16 +1193,16 @@ def _angle(value: float, budget: tuple[Contribution, ...], kind: MotionKind) -> 
 def _no_scale(scene: MotionScene) -> str:
     if not scene.metric:
         return (
-            "nothing gives a scale in the plane of motion: give the diameter with --ball, or"
-            " --scale, or film before a wall grid; the same in pixels is given"
+            "no scale in the plane of motion: give the diameter with --ball, or --scale, or film"
+            " in front of a wall grid; the value in pixels is given"
         )
-    return "the camera's rate is not known: give it with --fps RATE; the same in frames is given"
+    return "the capture rate is unknown: give it with --fps RATE; the value in frames is given"
 
 
 def _in_units(
     name: QuantityName, value: float, budget: tuple[Contribution, ...], scene: MotionScene
 ) -> Quantity:
-    """In SI where scale and rate are known, else in pixels or frames under the name for that."""
+    """In SI if scale and rate are known, else in pixels or frames under that name."""
     squared = name is QuantityName.FALL_ACCELERATION
     if scene.metric and scene.timed:
         unit = "m/s^2" if squared else "m/s"
@@ -1228,7 +1210,7 @@ def _in_units(
     length = "m" if scene.metric else "px"
     time = ("s^2" if squared else "s") if scene.timed else ("frame^2" if squared else "frame")
     if scene.metric:
-        # metres without seconds: in pixels, so that a name has one meaning
+        # metres without seconds: given in pixels, so that each name has one unit
         per_px = 1.0 if scene.scale is None else scene.scale.metres_per_px
         if scene.scale is None:
             return Quantity.missing(in_pixels(name).value, f"px/{time}", _no_scale(scene))
@@ -1245,7 +1227,7 @@ def _swinging(tracks: Tracks, scene: MotionScene) -> MotionResults:
     period, damping = QuantityName.SWING_PERIOD.value, QuantityName.SWING_DAMPING.value
     if not scene.timed:
         reason = (
-            f"the camera's rate is not known: give it with --fps RATE; the period is "
+            f"the capture rate is unknown: give it with --fps RATE; the period is "
             f"{swing.period:.2f} ± {swing.period_std:.2g} frames, the damping "
             f"{swing.damping:.2g} ± {swing.damping_std:.1g} per frame"
         )
@@ -1283,12 +1265,12 @@ def _swinging(tracks: Tracks, scene: MotionScene) -> MotionResults:
     )
 
 
-def _meeting(tracks: Tracks, scene: MotionScene) -> MotionResults:
-    """Speeds of two bodies before and after they meet; the first is the one that lay still."""
+def _colliding(tracks: Tracks, scene: MotionScene) -> MotionResults:
+    """Speeds of two bodies before and after a collision; the first is initially at rest."""
     met = disc_contact(tracks)
     if met is None:
         raise MeasurementError(
-            "the two balls are not both seen on both sides of their meeting",
+            "the two balls are not both visible on both sides of the collision",
             hint="Film both for five frames before and after.",
         )
     in_frames = met.time_s * _tracks_fps(tracks)
@@ -1327,7 +1309,7 @@ def _speed(name: QuantityName, side: Passage, scene: MotionScene) -> Quantity:
     factor = 1.0
     if scene.scale is not None:
         factor = scene.scale.metres_per_px
-        lines.append(Contribution(scene.scale.source, scene.scale.share * speed))
+        lines.append(Contribution(scene.scale.source, scene.scale.relative_std * speed))
     if scene.timed:
         factor *= scene.fps
         lines.append(
@@ -1343,16 +1325,16 @@ def _speed(name: QuantityName, side: Passage, scene: MotionScene) -> Quantity:
 
 
 def _momentum(collision: Collision) -> Check:
-    """Two like bodies keep the sum of their velocities over a short contact."""
-    apart = collision.momentum_apart
+    """Check that the sum of the velocities of two equal bodies is conserved."""
+    apart = collision.momentum_change
     text = f"the sum of both velocities changes by {apart:.1f} standard uncertainties"
     if apart > _MOMENTUM_SIGMAS:
         return Check(
             CheckKind.MOMENTUM,
             CheckOutcome.FAILED,
-            f"{text}: the two are not alike, are pushed, or were taken for one another",
+            f"{text}: the bodies differ in mass, are pushed, or were confused with each other",
         )
     before = collision.other_before.speed
-    telling = before[1] < RELEVANT_SHARE * before[0]
-    outcome = CheckOutcome.PASSED if telling else CheckOutcome.UNDECIDED
+    significant = before[1] < RELEVANT_FRACTION * before[0]
+    outcome = CheckOutcome.PASSED if significant else CheckOutcome.UNDECIDED
     return Check(CheckKind.MOMENTUM, outcome, text)

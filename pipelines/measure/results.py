@@ -1,4 +1,4 @@
-"""Evaluated chain to the quantities of the contract, each with its budget or its reason."""
+"""Quantities from the evaluated fits, each with its budget or reason."""
 
 import math
 from collections.abc import Callable, Collection
@@ -20,17 +20,17 @@ from pipelines.measure.checks import (
     OTHER_SPEEDS,
     PENDULUM,
     RATE_AND_SCALE,
+    CheckResult,
     Contradiction,
-    HeldAgainst,
-    SpeedsAgree,
+    SpeedComparison,
+    apply_contradictions,
     ball_size,
-    contact_doubted,
-    doubted,
+    compare_speeds,
+    contact_contradiction,
     passive_contact,
     pendulum_length,
-    speeds_agree,
 )
-from pipelines.measure.flight_fit import LONGEST_CONTACT_S
+from pipelines.measure.flight_fit import MAX_CONTACT_S
 from pipelines.measure.gravity import (
     ESTIMATES,
     contradicts_gravity,
@@ -44,7 +44,7 @@ from pipelines.measure.impact import (
     disc_contact,
 )
 from pipelines.measure.inputs import QUANTITY_UNITS, Inputs, QuantityName, kinds_of
-from pipelines.measure.metres import MetricTracks, radius_share
+from pipelines.measure.metres import MetricTracks, radius_relative_std
 from pipelines.measure.motions import MotionResults
 from pipelines.report import Check, CheckKind, CheckOutcome
 from vision.tracks import MotionKind, Tracks
@@ -67,41 +67,40 @@ NOT_ASKED = "it was not asked for"
 _UNDETERMINED = "it could not be determined from this clip"
 _PIXELS = frozenset(name.value for name in QuantityName if name.value not in QUANTITY_UNITS)
 _NEEDS_METRES = {"m", "m/s", "N s", "J"}
-LONGEST_GAP_S = 0.03
-"""Time before landing for which a ball lost near the floor may be carried on along its flight."""
-_SLOWEST = 1e-3
-"""m/s: a ball that hardly flies goes nowhere."""
+MAX_LANDING_GAP_S = 0.03
+"""s, maximum gap before landing covered by the fitted flight (chosen)."""
+_MIN_SPEED = 1e-3
+"""m/s, minimum speed for predicting where the ball leaves the picture (chosen)."""
 _PLASTIC = 1.32471795724474602596
 """Real root of x³ = x + 1: steps of 1/x and 1/x² fill a square evenly (Roberts 2018)."""
 _BACKSWING = "backswing_angle"
-NO_MOTION = "what moves is neither in free flight nor swings to and fro"
+NO_MOTION = "the motion is neither free flight nor a swing"
 _NOT_BEFORE = "the pendulum is not in view before the strike"
-_FIRST_ANGLES = 8
-"""Angles of which the first and each rate are the mean, supposed: 13 ms at 600 frames a second."""
-SWING_ENERGY_SHARE = 0.25
-"""Of the kinetic energy of a free swing: what friction, a rig of other numbers or the arc's place
-may make of it; a pendulum that was let go elsewhere is further off."""
-UNSEEN_FALL_SHARE = 0.5
-"""Of gravity: a fall less sure than that, without a strike seen, is no sign of a flight at all."""
-VAGUE = 0.3
-"""A depth known to no better than this share, and mostly from what is usual, is a guess."""
-SUPPOSED = (UncertaintySource.LENS_UNKNOWN, UncertaintySource.BALL_PLANE_GUESS)
+_AVERAGED_FRAMES = 8
+"""Frames averaged for the first angle and each rate (assumed; 13 ms at 600 fps)."""
+MAX_SWING_ENERGY_ERROR = 0.25
+"""Maximum relative difference from the kinetic energy of a free swing (chosen: covers friction and
+wrong dimensions; a release elsewhere differs more)."""
+MAX_UNSEEN_FALL_STD = 0.5
+"""Of gravity: std of the fall above which, without a strike, flight is not established (chosen)."""
+MAX_DEPTH_RELATIVE_STD = 0.3
+"""Relative std of a depth above which, mostly from assumptions, it is not stated (chosen)."""
+ASSUMED_SOURCES = (UncertaintySource.LENS_UNKNOWN, UncertaintySource.BALL_PLANE_GUESS)
 _DEPTHS = (
     UncertaintySource.BALL_PLANE_OFFSET,
     UncertaintySource.BALL_DIAMETER,
     UncertaintySource.CAMERA_DISTANCE,
 )
-_UNPLACED = (
-    "where the mass meets the ball is not seen well enough: within the noise of their paths they"
-    " may never meet"
+_UNRESOLVED = (
+    "the contact is not resolved: within the noise of their paths mass and ball may never meet"
 )
 _MAYBE_SHADOW = (
-    "what was followed takes an even part of the wall's light, as a shadow does: point at the ball"
+    "the tracked object attenuates the wall's light uniformly, as a shadow does: point at the ball"
     " with --ball-at X,Y,FRAME"
 )
 NO_CLOCK = (
-    "the camera's rate is not known, and no free fall with a known scale tells it:"
-    " give it with --fps RATE or capture_fps in the setup file"
+    "the capture rate is unknown and can't be estimated from free fall:"
+    " give it with --fps RATE, or capture_fps in the setup file"
 )
 _OF_GEOMETRY = ("ball_plane_offset", "camera_distance", "landing_distance_on_wall")
 _LANDING = ("landing_distance", "landing_time", "landing_distance_on_wall", "cor_range")
@@ -113,21 +112,21 @@ _CHECKED = frozenset(
         *("ball_speed", *OTHER_SPEEDS, "eq7_by_gravity"),
     }
 )
-"""Derived values that the checks compare which may widen or withhold any quantity of a strike."""
+"""Derived values compared by checks that may widen or withhold any quantity of a strike."""
 
-_TOLD_FROM: dict[str, frozenset[str]] = {
+_DERIVED_FROM: dict[str, frozenset[str]] = {
     QuantityName.LANDING_DISTANCE: frozenset({"landing_time"}),
     QuantityName.LANDING_DISTANCE_ON_WALL: frozenset(
         {"landing_distance", "landing_height", "landing_time"}
     ),
-    # the estimates of one coefficient are held against each other
+    # the estimates of one coefficient are compared with each other
     **dict.fromkeys(COR, frozenset({*ESTIMATES, "landing_time", "landing_distance_seen"})),
 }
-"""Derived values that a quantity needs beside the one of its own name."""
+"""Derived values that a quantity needs in addition to that of its own name."""
 
 
 def needed(wanted: Collection[str] | None) -> frozenset[str]:
-    """The derived values from which quantities are told, and what may put them in doubt.
+    """Derived values needed by quantities and by the checks on them.
 
     Parameters
     ----------
@@ -136,13 +135,13 @@ def needed(wanted: Collection[str] | None) -> frozenset[str]:
     """
     if wanted is None:
         return frozenset(DERIVED)
-    told = _CHECKED.union(*(_TOLD_FROM.get(name, frozenset()) for name in wanted))
-    return (told | frozenset(wanted)) & frozenset(DERIVED)
+    derived = _CHECKED.union(*(_DERIVED_FROM.get(name, frozenset()) for name in wanted))
+    return (derived | frozenset(wanted)) & frozenset(DERIVED)
 
 
 @dataclass(frozen=True)
 class Evaluated:
-    """The chain's values with their uncertainty, before they become quantities.
+    """Values of the fits with their uncertainty, before they become quantities.
 
     Attributes
     ----------
@@ -151,14 +150,14 @@ class Evaluated:
     impact : Impact or None
     values : (Q,) array
         In the order of `DERIVED`.
-    random : (Q, Q) array
+        In the order of `DERIVED`.
         Their covariance from the noise of the tracks.
-    systematic : dict
+        Covariance from track noise.
         Source to (Q,) contributions.
     refusal : str
         Why there is no impact.
     names : frozenset of str
-        Which of the values were evaluated; the others are NaN.
+        Evaluated values; the others are NaN.
     """
 
     scene: ClipConditions
@@ -178,9 +177,9 @@ class NoScale:
     Attributes
     ----------
     reason : str
-        Empty where it does.
+        Empty if it does.
     contradicts : bool
-        There is a grid, but it contradicts the ball's size: then neither can be trusted.
+        Whether the grid contradicts the ball's size, so that neither can be trusted.
     """
 
     reason: str = ""
@@ -189,7 +188,7 @@ class NoScale:
 
 @dataclass(frozen=True)
 class Results:
-    """What is told of a clip; attributes as in `Measurement`."""
+    """Results of a clip; attributes as in `Measurement`."""
 
     quantities: tuple[Quantity, ...]
     other_speeds: tuple[Quantity, ...]
@@ -205,10 +204,10 @@ def results_of(
     motion: MotionResults | None = None,
     wanted: Collection[str] | None = None,
 ) -> Results:
-    """Quantities in the contract's order, what stands beside them, checks and warnings.
+    """Quantities in the contract's order, other speeds, checks and warnings.
 
-    `motion` holds what was measured of a motion that is no strike; `wanted` names the quantities
-    that are asked for, None all: what only others need is not evaluated, and they say so.
+    `motion` holds the quantities of a motion other than a strike; `wanted` names the quantities
+    asked for, None all; the others are missing with that reason.
     """
     reasons = _reasons(evaluated, no_grid)
     found: dict[str, Quantity] = {}
@@ -225,20 +224,22 @@ def results_of(
     cor, agreement = fused_cor(evaluated.values, evaluated.random, evaluated.systematic, found)
     found["cor"] = cor
     gravity, by_gravity = gravity_check(found["gravity"], evaluated.scene)
-    speeds = speeds_agree(found)
+    speeds = compare_speeds(found)
     bound = _contact_bound(evaluated)
     size = _size(evaluated, tracks, found)
     arm = _arm(evaluated)
-    held = (agreement, speeds and speeds.check, by_gravity, bound)
+    covered = (agreement, speeds and speeds.check, by_gravity, bound)
     against = [one for one in (size, arm, passive_contact(found)) if one]
-    checks = [*(one for one in held if one), *(one.check for one in against)]
+    checks = [*(one for one in covered if one), *(one.check for one in against)]
     other_speeds = tuple(found[name] for name in OTHER_SPEEDS)
-    doubts = _doubts(evaluated, found, agreement, speeds, gravity, by_gravity)
-    doubts += [doubt for one in against for doubt in one.doubts]
-    touching = None if speeds is None else contact_doubted(speeds, bound)
+    contradictions = _contradictions(evaluated, found, agreement, speeds, gravity, by_gravity)
+    contradictions += [contradiction for one in against for contradiction in one.contradictions]
+    touching = None if speeds is None else contact_contradiction(speeds, bound)
     motion = motion or MotionResults()
-    doubts += _not_met_as_followed(evaluated, lasting, motion)
-    found = doubted(found, [*doubts, *([] if touching is None else [touching])])
+    contradictions += _not_met_as_followed(evaluated, lasting, motion)
+    found = apply_contradictions(
+        found, [*contradictions, *([] if touching is None else [touching])]
+    )
     checks += motion.checks
     gravity = motion.gravity or gravity
     found |= motion.quantities
@@ -246,11 +247,11 @@ def results_of(
         found = {name: _of_a_shadow(item) for name, item in found.items()}
         other_speeds = tuple(_of_a_shadow(item) for item in other_speeds)
         gravity = _of_a_shadow(gravity)
-        # what a shadow's numbers agree with says nothing of the ball
+        # checks of a shadow say nothing about the ball
         checks = []
     if tracks.motion.kind is MotionKind.NONE:
         gravity = Quantity.missing(
-            gravity.name, gravity.unit, f"it needs a flight, and {NO_MOTION}"
+            gravity.name, gravity.unit, f"it needs a flight, but {NO_MOTION}"
         )
     found = _of_this_motion(found, tracks, wanted)
     return Results(
@@ -263,7 +264,7 @@ def results_of(
 
 
 def _of_a_shadow(item: Quantity) -> Quantity:
-    """Nothing: where its shadow is, the ball is not."""
+    """Withhold values of what may be a shadow."""
     if not item.known or item.name == QuantityName.BACKSWING_ANGLE:
         return item
     return Quantity.missing(item.name, item.unit, _MAYBE_SHADOW)
@@ -276,7 +277,7 @@ def _asked(wanted: Collection[str] | None, names: Collection[str]) -> bool:
 def _of_this_motion(
     found: dict[str, Quantity], tracks: Tracks, wanted: Collection[str] | None
 ) -> dict[str, Quantity]:
-    """In the contract's order; what belongs to another motion, or to no question, says so."""
+    """Quantities in the contract's order; those of other motions, or not asked for, say so."""
     kind = tracks.motion.kind
     out: dict[str, Quantity] = {}
     for name, unit in QUANTITY_UNITS.items():
@@ -285,32 +286,32 @@ def _of_this_motion(
             item = Quantity.missing(name, unit, NOT_ASKED)
         elif item is None or (kind not in kinds_of(name) and not item.known):
             shown_by = " or a ".join(str(one.value) for one in kinds_of(name))
-            seen = f"what is seen is a {kind.value}"
+            seen = f"the motion is a {kind.value}"
             if kind is MotionKind.NONE:
                 seen = NO_MOTION
-            item = Quantity.missing(name, unit, f"it needs a {shown_by}, and {seen}")
+            item = Quantity.missing(name, unit, f"it needs a {shown_by}, but {seen}")
         out[name] = item
     return out | {name: item for name, item in found.items() if name in _PIXELS}
 
 
-def _size(evaluated: Evaluated, tracks: Tracks, found: dict[str, Quantity]) -> HeldAgainst | None:
-    """The ball's size against its diameter, where more than the diameter tells where it flies.
+def _size(evaluated: Evaluated, tracks: Tracks, found: dict[str, Quantity]) -> CheckResult | None:
+    """Check the ball's size against its diameter, if the depth has another source, too.
 
-    Numbers of one origin agree by themselves.
+    Otherwise the two agree by construction.
     """
     calibration, metric = evaluated.scene.calibration, evaluated.metric
     diameter = evaluated.scene.inputs.rig.ball_diameter
     if calibration is None or metric is None or diameter is None:
         return None
-    taped = UncertaintySource.BALL_PLANE_OFFSET
-    if all(estimate.source is not taped for estimate in calibration.depth_estimates):
+    offset_source = UncertaintySource.BALL_PLANE_OFFSET
+    if all(estimate.source is not offset_source for estimate in calibration.depth_estimates):
         return None
-    share = math.hypot(radius_share(tracks.ball), diameter.relative_std)
-    return ball_size(2.0 * metric.radius_m, share, diameter.value, found)
+    relative_std = math.hypot(radius_relative_std(tracks.ball), diameter.relative_std)
+    return ball_size(2.0 * metric.radius_m, relative_std, diameter.value, found)
 
 
-def _arm(evaluated: Evaluated) -> HeldAgainst | None:
-    """The arm that is seen against the pendulum's length."""
+def _arm(evaluated: Evaluated) -> CheckResult | None:
+    """Check the observed arm against the pendulum's length."""
     impact = evaluated.impact
     if impact is None or impact.contact is None or impact.view is None:
         return None
@@ -321,7 +322,7 @@ def _arm(evaluated: Evaluated) -> HeldAgainst | None:
 
 
 def _contact_bound(evaluated: Evaluated) -> Check | None:
-    """The contact time against the longest that such a ball can have; beyond is no contact."""
+    """Check the contact time against the upper bound for the ball."""
     impact = evaluated.impact
     if impact is None or impact.contact is None or impact.view is None:
         return None
@@ -335,8 +336,8 @@ def _contact_bound(evaluated: Evaluated) -> Check | None:
     if not math.isfinite(longest):
         return None
     text = (
-        f"contact of {1e3 * lasting:.1f} ± {1e3 * std:.1f} ms, where such a ball stays on for"
-        f" {1e3 * longest:.0f} ms at most"
+        f"contact time {1e3 * lasting:.1f} ± {1e3 * std:.1f} ms; possible for such a ball:"
+        f" at most {1e3 * longest:.0f} ms"
     )
     power = float(scipy.special.ndtr((longest - lasting) / max(std, 1e-9)))
     sure = lasting + 2.0 * std < longest
@@ -344,62 +345,64 @@ def _contact_bound(evaluated: Evaluated) -> Check | None:
     return Check(CheckKind.CONTACT_BOUND, outcome, text, power)
 
 
-def _doubts(
+def _contradictions(
     evaluated: Evaluated,
     found: dict[str, Quantity],
     agreement: Check | None,
-    speeds: SpeedsAgree | None,
+    speeds: SpeedComparison | None,
     gravity: Quantity,
     by_gravity: Check | None,
 ) -> list[Contradiction]:
-    """What the failed checks put in doubt."""
-    doubts = []
+    """Contradictions from failed checks."""
+    contradictions = []
     if speeds is not None and speeds.check.outcome is CheckOutcome.FAILED:
-        said = speeds.check.statement
-        doubts.append(Contradiction(FLIGHT, speeds.flight_apart, False, said))
-        doubts.append(Contradiction(PENDULUM, speeds.pendulum_apart, False, said))
+        statement = speeds.check.statement
+        contradictions.append(Contradiction(FLIGHT, speeds.flight_difference, False, statement))
+        contradictions.append(Contradiction(PENDULUM, speeds.pendulum_difference, False, statement))
     if by_gravity is not None and by_gravity.outcome is CheckOutcome.FAILED:
         true = evaluated.scene.inputs.gravity
         value, std = gravity.value or 0.0, gravity.std or math.inf
         known = () if evaluated.scene.calibration is None else evaluated.scene.calibration.warnings
-        said = "; ".join((by_gravity.statement, *known))
+        statement = "; ".join((by_gravity.statement, *known))
         plain = contradicts_gravity(value, true, std)
-        doubts.append(Contradiction(RATE_AND_SCALE, abs(value / true - 1.0), plain, said))
+        contradictions.append(
+            Contradiction(RATE_AND_SCALE, abs(value / true - 1.0), plain, statement)
+        )
     struck = evaluated.impact is not None and evaluated.impact.contact is not None
     if not struck and by_gravity is not None and by_gravity.outcome is CheckOutcome.UNDECIDED:
-        unseen = (gravity.std or 0.0) > UNSEEN_FALL_SHARE * evaluated.scene.inputs.gravity
-        said = f"nothing shows that what was followed flies: {by_gravity.statement}"
-        doubts.append(
-            Contradiction(RATE_AND_SCALE if unseen else frozenset(), math.inf, unseen, said)
+        unseen = (gravity.std or 0.0) > MAX_UNSEEN_FALL_STD * evaluated.scene.inputs.gravity
+        statement = f"flight is not established for the tracked object: {by_gravity.statement}"
+        contradictions.append(
+            Contradiction(RATE_AND_SCALE if unseen else frozenset(), math.inf, unseen, statement)
         )
     if agreement is not None and agreement.outcome is CheckOutcome.FAILED:
         known_cors = [found[name].value or 0.0 for name in ESTIMATES if found[name].known]
         apart = (max(known_cors) - min(known_cors)) / max(abs(found["cor"].value or 1.0), 1e-6)
-        doubts.append(Contradiction(COR, 0.5 * apart, False, agreement.statement))
-    return doubts
+        contradictions.append(Contradiction(COR, 0.5 * apart, False, agreement.statement))
+    return contradictions
 
 
 def _not_met_as_followed(
     evaluated: Evaluated, lasting: Quantity, motion: MotionResults
 ) -> list[Contradiction]:
-    """What is in doubt where the paths of mass and ball, or the ball's own, are no strike's."""
-    impact, doubts = evaluated.impact, []
+    """Contradictions if the paths of mass and ball are not those of a strike."""
+    impact, contradictions = evaluated.impact, []
     if impact is not None and impact.paths_contradict:
-        doubts.append(Contradiction(FLIGHT, math.inf, True, impact.reason))
+        contradictions.append(Contradiction(FLIGHT, math.inf, True, impact.reason))
     if impact is not None and impact.view is not None and lasting.std is not None:
         longest = impact.view.longest_s
-        longest = longest if math.isfinite(longest) else LONGEST_CONTACT_S
+        longest = longest if math.isfinite(longest) else MAX_CONTACT_S
         if lasting.std > longest:
-            said = (
-                f"where the mass meets the ball is not seen well enough: {1e3 * lasting.std:.0f} ms"
-                f" of doubt, where such a ball stays on for {1e3 * longest:.0f} ms at most"
+            statement = (
+                f"the contact is not resolved: its standard uncertainty is {1e3 * lasting.std:.0f} "
+                f"ms; possible for such a ball: at most {1e3 * longest:.0f} ms"
             )
-            doubts.append(Contradiction(CONTACT | PENDULUM, math.inf, True, said))
+            contradictions.append(Contradiction(CONTACT | PENDULUM, math.inf, True, statement))
     for check in motion.checks:
         if check.kind is CheckKind.STEADY_FALL and check.outcome is CheckOutcome.FAILED:
             everything = FLIGHT | CONTACT | PENDULUM
-            doubts.append(Contradiction(everything, math.inf, True, check.statement))
-    return doubts
+            contradictions.append(Contradiction(everything, math.inf, True, check.statement))
+    return contradictions
 
 
 def _quantity(
@@ -413,7 +416,7 @@ def _quantity(
         return Quantity.missing(name, unit, evaluated.refusal or _unknown(evaluated, name))
     variance = float(evaluated.random[index, index])
     if math.isnan(variance):
-        return Quantity.missing(name, unit, _UNPLACED)
+        return Quantity.missing(name, unit, _UNRESOLVED)
     noise = math.sqrt(max(variance, 0.0))
     budget = merged(evaluated.systematic, index, noise)
     if evaluated.impact.contact is None and name in (
@@ -425,7 +428,7 @@ def _quantity(
 
 
 def _moment_of_release(evaluated: Evaluated, name: str) -> Contribution:
-    """What an unseen end of the contact adds: gravity turns and slows the ball meanwhile."""
+    """Contribution of an unseen end of contact: gravity changes the velocity meanwhile."""
     assert evaluated.impact is not None
     flight = evaluated.impact.flight
     states = flight.states(flight.reference_s + np.array([0.0, UNSEEN_HALF_CONTACT_STD_S]))
@@ -436,13 +439,13 @@ def _moment_of_release(evaluated: Evaluated, name: str) -> Contribution:
 
 
 def missing_input(inputs: Inputs, name: str) -> str | None:
-    """What must be given for a quantity, whatever the clip shows, and is not; None: nothing."""
+    """Input that a quantity needs for any clip and that is not given, or None."""
     if name in (QuantityName.COR_LAUNCH, QuantityName.EXTERNAL_IMPULSE) and (
         inputs.ball is None or inputs.ball.mass is None
     ):
-        return "the mass of the ball is not known; give --ball jokku or a setup file"
+        return "the mass of the ball is unknown; give --ball jokku or a setup file"
     if name in _LANDING and inputs.fall is None:
-        return "the height of the support is not known; give [support] height in a setup file"
+        return "the height of the support is unknown; set [support] height in the setup file"
     return None
 
 
@@ -458,13 +461,13 @@ def _unknown(evaluated: Evaluated, name: str) -> str:
 
 
 def _reasons(evaluated: Evaluated, no_grid: NoScale) -> dict[str, str]:
-    """Quantities that must not be given although a number could be computed."""
+    """Quantities that must be withheld although they could be computed."""
     reasons: dict[str, str] = {}
     if not evaluated.scene.rate.known:
         reasons = dict.fromkeys(DERIVED, NO_CLOCK)
     scene, impact = evaluated.scene, evaluated.impact
     if scene.calibration is None:
-        landing = f"the wall's grid is needed: {no_grid.reason}"
+        landing = f"it needs the wall grid: {no_grid.reason}"
         reasons |= dict.fromkeys(_LANDING, landing)
         wanted = [name for name, unit in DERIVED.items() if unit in _NEEDS_METRES]
         if scene.inputs.ball is None and scene.metres_per_px is None:
@@ -475,7 +478,7 @@ def _reasons(evaluated: Evaluated, no_grid: NoScale) -> dict[str, str]:
     if impact is not None and evaluated.metric is not None:
         landed = evaluated.values[list(DERIVED).index("landing_time")]
         if np.isfinite(landed) and not _landing_in_view(evaluated, float(landed)):
-            ends = "is last seen" if _goes_on_in_view(evaluated) else "leaves the picture"
+            ends = "is last tracked" if _goes_on_in_view(evaluated) else "leaves the picture"
             text = (
                 f"the ball {ends} at {impact.last_flight_s:.3f} s,"
                 f" {landed - impact.last_flight_s:.3f} s before it lands"
@@ -485,30 +488,30 @@ def _reasons(evaluated: Evaluated, no_grid: NoScale) -> dict[str, str]:
 
 
 def _landing_in_view(evaluated: Evaluated, landed: float) -> bool:
-    """Whether the ball is followed to its landing, or nearly, at a place inside the picture."""
+    """Whether the ball is tracked to its landing, or nearly, and lands inside the picture."""
     impact, calibration = evaluated.impact, evaluated.scene.calibration
     assert impact is not None
     frame_s = 1.0 / evaluated.scene.rate.fps
     if landed - impact.last_flight_s <= 2.0 * frame_s:
         return True
-    if landed - impact.last_flight_s > LONGEST_GAP_S or calibration is None:
+    if landed - impact.last_flight_s > MAX_LANDING_GAP_S or calibration is None:
         return False
     return _in_picture(evaluated, landed)
 
 
 def _goes_on_in_view(evaluated: Evaluated) -> bool:
-    """Whether the ball is still in the picture a diameter on from where it was last seen."""
+    """Whether the ball is still in the picture one diameter after it was last tracked."""
     impact, ball = evaluated.impact, evaluated.scene.inputs.ball
     if impact is None or ball is None or evaluated.scene.calibration is None:
         return False
     last = impact.last_flight_s
     velocity = impact.flight.states(np.array([last]))[0, 2:4]
-    on = ball.diameter / max(float(np.hypot(*velocity)), _SLOWEST)
+    on = ball.diameter / max(float(np.hypot(*velocity)), _MIN_SPEED)
     return _in_picture(evaluated, last + on)
 
 
 def _in_picture(evaluated: Evaluated, moment: float) -> bool:
-    """Whether the ball's middle is inside the picture at a moment of its flight."""
+    """Whether the ball's centre is inside the picture at a time of its flight."""
     impact, calibration = evaluated.impact, evaluated.scene.calibration
     assert impact is not None
     assert calibration is not None
@@ -520,7 +523,7 @@ def _in_picture(evaluated: Evaluated, moment: float) -> bool:
 
 
 def _contact_frames(evaluated: Evaluated, tracks: Tracks, reasons: dict[str, str]) -> Quantity:
-    """Frames whose mid-exposure lies within the contact (Fig. 13), with that count's spread."""
+    """Frames with mid-exposure within the contact (Fig. 13), and the std of their number."""
     impact = evaluated.impact
     if impact is None or impact.contact is None:
         reason = evaluated.refusal if impact is None else impact.reason
@@ -541,7 +544,7 @@ def _contact_frames(evaluated: Evaluated, tracks: Tracks, reasons: dict[str, str
 def frames_within(
     onset: float, release: float, std: tuple[float, float, float]
 ) -> tuple[int, float]:
-    """How many frames lie within a contact, and the standard uncertainty of that count.
+    """Number of frames within a contact, and its standard uncertainty.
 
     Parameters
     ----------
@@ -551,33 +554,33 @@ def frames_within(
         Standard uncertainties of onset, release and of the time between them, frames.
     """
     count = math.floor(release) - math.ceil(onset) + 1
-    # onset and release hang together: where the face seems to be moves them apart
-    together = (std[0] ** 2 + std[1] ** 2 - std[2] ** 2) / (2.0 * std[0] * std[1])
+    # onset and release are correlated: the face offset moves them apart
+    correlation = (std[0] ** 2 + std[1] ** 2 - std[2] ** 2) / (2.0 * std[0] * std[1])
     first, second = _even_draws()
-    together = min(max(together, -1.0), 1.0)
+    correlation = min(max(correlation, -1.0), 1.0)
     begun = onset + std[0] * first
-    ended = release + std[1] * (together * first + math.sqrt(1.0 - together**2) * second)
+    ended = release + std[1] * (correlation * first + math.sqrt(1.0 - correlation**2) * second)
     counts = np.maximum(np.floor(ended) - np.ceil(begun) + 1.0, 0.0)
     off = np.abs(counts - count)
-    # a count is no Gaussian: plus or minus less than one would hold no other count than it, and
-    # what comes once in a hundred times is not to be four standard uncertainties off
-    held = float(np.quantile(off, _HELD, method="inverted_cdf"))
-    return count, max(float(np.sqrt(np.mean(off**2))), held / 2.0, float(off.max()) / 4.0)
+    # a count is not Gaussian: an std below 0.5 would exclude every other count at k = 2, and a
+    # count of 1 % probability must not be four standard uncertainties off
+    covered = float(np.quantile(off, _COVERAGE, method="inverted_cdf"))
+    return count, max(float(np.sqrt(np.mean(off**2))), covered / 2.0, float(off.max()) / 4.0)
 
 
-_HELD = 0.95
-"""Share of the truths that plus or minus two standard uncertainties hold."""
+_COVERAGE = 0.95
+"""Coverage of two standard uncertainties (convention)."""
 
 
 @cache
 def _even_draws() -> FloatArray:
-    """Even draws of two independent unit normals, (2, 1024)."""
+    """Quasi-random draws of two independent standard normals, (2, 1024)."""
     steps = np.arange(1, 1025)[np.newaxis] / np.array([[_PLASTIC], [_PLASTIC**2]])
     return np.asarray(scipy.special.ndtri((0.5 + steps) % 1.0))
 
 
 def _apart_from_the_rate(evaluated: Evaluated, index: int) -> float:
-    """Standard uncertainty of a time in frames, s: the capture rate does not matter to it."""
+    """Standard uncertainty of a time in frames, s, without that of the capture rate."""
     systematic = sum(
         float(column[index]) ** 2
         for name, column in evaluated.systematic.items()
@@ -601,10 +604,10 @@ def _met_by_another(evaluated: Evaluated, tracks: Tracks) -> dict[str, Quantity]
 
 
 def _too_short(longest_s: float) -> dict[str, Quantity]:
-    """What can't be told of a contact that lasts no longer than this (k = 2), s."""
+    """Withhold contact time and frames of a contact not longer than this (k = 2), s."""
     short = (
-        "the contact is too short for this frame rate, or where the bodies touch is not seen well"
-        f" enough: it lasts {longest_s:.2g} s at most; film at a higher rate"
+        "the contact is too short for this frame rate, or not resolved: it lasts at most"
+        f" {longest_s:.2g} s; film at a higher rate"
     )
     return {
         name: Quantity.missing(name, unit, short)
@@ -613,7 +616,7 @@ def _too_short(longest_s: float) -> dict[str, Quantity]:
 
 
 def _if_too_short(lasting: Quantity) -> dict[str, Quantity]:
-    """The same where a contact's time is not told apart from none (k = 2)."""
+    """The same if the contact time is not significantly above zero (k = 2)."""
     if lasting.value is None or lasting.std is None or lasting.value > 2.0 * lasting.std:
         return {}
     return _too_short(max(lasting.value, 0.0) + 2.0 * lasting.std)
@@ -634,7 +637,7 @@ def _geometry(
     if evaluated.impact is None and not any(
         item.known for item in (MotionResults() if motion is None else motion).quantities.values()
     ):
-        # nothing that was followed is known to be a ball in its plane
+        # no tracked object is established to be a ball in its plane
         no_grid = evaluated.refusal or "no motion of a ball was measured"
         return {
             name: Quantity.missing(name, "m", no_grid)
@@ -652,28 +655,29 @@ def _geometry(
 
 
 def _depth(name: str, calibration: Calibration, value: Callable[[Calibration], float]) -> Quantity:
-    """A depth, with the longer side of its interval as the uncertainty; none where it is a guess.
+    """A depth with the longer side of its interval as std; missing if it is mostly assumed.
 
-    Without tape, depths are known to a factor rather than to a length: exp(±s) about the value.
+    Without measured distances, depths have a relative uncertainty: the interval is exp(±s).
     """
     found = value(calibration)
     budget = calibration.budget(value)
-    share = float(np.sqrt(sum(line.std**2 for line in budget))) / max(abs(found), 1e-9)
-    supposed = sum(line.std**2 for line in budget if line.source in SUPPOSED)
-    if share > VAGUE and supposed > 0.5 * (share * found) ** 2:
+    relative_std = float(np.sqrt(sum(line.std**2 for line in budget))) / max(abs(found), 1e-9)
+    assumed = sum(line.std**2 for line in budget if line.source in ASSUMED_SOURCES)
+    if relative_std > MAX_DEPTH_RELATIVE_STD and assumed > 0.5 * (relative_std * found) ** 2:
         return Quantity.missing(
             name,
             "m",
-            "the wall, seen nearly square on, tells the distance only together with the lens:"
-            " tape the distance to the wall, or name a lens.toml in the setup file",
+            "the wall is nearly square to the camera, so its image gives only distance and focal"
+            " length together: measure the distance to the wall, or name a lens.toml in the setup"
+            " file",
         )
-    longer = float(np.expm1(min(share, 1.0)) / share) if share > 0 else 1.0
+    longer = float(np.expm1(min(relative_std, 1.0)) / relative_std) if relative_std > 0 else 1.0
     widened = tuple(replace(line, std=line.std * longer) for line in budget)
     return Quantity.measured(name, found, "m", widened)
 
 
 def reading_on_wall(evaluated: Evaluated, landing: Quantity) -> Quantity:
-    """Reading of the landing point against that of the rest, both seen through the camera."""
+    """Reading of the landing point on the wall, relative to that of the rest position."""
     calibration, impact = evaluated.scene.calibration, evaluated.impact
     assert calibration is not None
     assert impact is not None
@@ -694,45 +698,45 @@ def reading_on_wall(evaluated: Evaluated, landing: Quantity) -> Quantity:
     budget = tuple(
         replace(line, std=line.std * enlarged)
         for line in landing.budget
-        # depth and distance move the corrected value, not what is read on the wall
+        # depth and distance affect the corrected value, not the reading
         if line.source not in _DEPTHS
     )
     return Quantity.measured("landing_distance_on_wall", reading, "m", budget)
 
 
 def _backswing(evaluated: Evaluated) -> Quantity:
-    """Angle at which the pendulum is let go, where that is in view."""
+    """Angle at which the pendulum is released, if that is in view."""
     scene = evaluated.scene
     if evaluated.metric is None:
         return Quantity.missing(_BACKSWING, "deg", _NOT_BEFORE)
     stiffness = scene.inputs.pendulum_stiffness if scene.rate.known else None
-    return let_go_at(evaluated.metric, scene.zero_std_rad, stiffness)
+    return release_angle(evaluated.metric, scene.zero_std_rad, stiffness)
 
 
-def let_go_at(metric: MetricTracks, zero_std_rad: float, stiffness: float | None) -> Quantity:
-    """Angle at which the pendulum is let go, where its motion before the strike agrees with it.
+def release_angle(metric: MetricTracks, zero_std_rad: float, stiffness: float | None) -> Quantity:
+    """Release angle of the pendulum, if its motion before the strike agrees with it.
 
     Parameters
     ----------
     metric : MetricTracks
-        The pendulum's angle over time.
+        Angle of the pendulum over time.
     zero_std_rad : float
-        What all angles are off by together, rad.
+        Standard uncertainty of the zero of all angles, rad.
     stiffness : float or None
-        Square of its angular frequency, 1/s²; None where the frame rate is not known.
+        Square of its angular frequency, 1/s²; None if the frame rate is unknown.
 
     Returns
     -------
     Quantity
-        Degrees, behind the vertical; missing where another angle, or none, fits the motion.
+        Degrees behind the vertical; missing if the motion contradicts it.
     """
-    if len(metric.swing_rad) < _FIRST_ANGLES:
+    if len(metric.swing_rad) < _AVERAGED_FRAMES:
         return Quantity.missing(_BACKSWING, "deg", _NOT_BEFORE)
-    first = slice(0, _FIRST_ANGLES)
+    first = slice(0, _AVERAGED_FRAMES)
     rate = float(np.polyfit(metric.swing_time_s[first], metric.swing_rad[first], 1)[0])
     if abs(rate) > 0.3:
         return Quantity.missing(
-            _BACKSWING, "deg", "the pendulum is already swinging when it comes into view"
+            _BACKSWING, "deg", "the pendulum is already swinging when it enters the picture"
         )
     start = float(np.median(metric.swing_rad[first]))
     fastest, angle = _fastest(metric)
@@ -740,15 +744,15 @@ def let_go_at(metric: MetricTracks, zero_std_rad: float, stiffness: float | None
         return Quantity.missing(
             _BACKSWING,
             "deg",
-            "what was followed is above its pivot where it is fastest, as no pendulum is: its arc"
-            " is too short or too rough to tell where the pivot is",
+            "the tracked object is above its pivot where it is fastest, which no pendulum is: its"
+            " arc is too short or too noisy to locate the pivot",
         )
     if stiffness is not None and not _swings_from(start, angle, fastest, stiffness):
         return Quantity.missing(
             _BACKSWING,
             "deg",
-            f"it is first seen at {-math.degrees(start):.1f}°, but moves later as no swing from"
-            " there does: it was let go elsewhere, or frames are missing",
+            f"it is first visible at {-math.degrees(start):.1f}°, but its later motion contradicts"
+            " a release there: it was released elsewhere, or frames are missing",
         )
     std = math.degrees(float(np.median(metric.swing_std_rad[first])))
     return Quantity.measured(
@@ -763,8 +767,8 @@ def let_go_at(metric: MetricTracks, zero_std_rad: float, stiffness: float | None
 
 
 def _fastest(metric: MetricTracks) -> tuple[float, float]:
-    """Rate (rad/s) and angle (rad) of the fastest stretch."""
-    rows = sliding_window_view(np.arange(len(metric.swing_rad)), _FIRST_ANGLES)
+    """Maximum rate (rad/s) and the angle (rad) at which it occurs."""
+    rows = sliding_window_view(np.arange(len(metric.swing_rad)), _AVERAGED_FRAMES)
     time, angle = metric.swing_time_s[rows], metric.swing_rad[rows]
     since = time - time.mean(axis=1, keepdims=True)
     rates = (since * angle).sum(axis=1) / (since**2).sum(axis=1)
@@ -773,6 +777,6 @@ def _fastest(metric: MetricTracks) -> tuple[float, float]:
 
 
 def _swings_from(start: float, angle: float, rate: float, stiffness: float) -> bool:
-    """Whether a rate (rad/s) at an angle (rad) has the energy of a release at the start."""
+    """Whether a rate (rad/s) at an angle (rad) has the energy of a release at the start angle."""
     gained = 2.0 * stiffness * (math.cos(angle) - math.cos(start))
-    return abs(gained - rate**2) < SWING_ENERGY_SHARE * rate**2
+    return abs(gained - rate**2) < MAX_SWING_ENERGY_ERROR * rate**2

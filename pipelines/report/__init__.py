@@ -1,7 +1,6 @@
-"""A measurement on one page: results, checks, plots and uncertainty budgets.
+"""One-page report: results, checks, plots and uncertainty budgets.
 
-What the page and the plots are made of; `page` and `plots` draw them, and are imported where they
-are wanted.
+`page` and `plots` draw it; they are imported only where needed.
 """
 
 from pipelines.report.inputs import (

@@ -1,9 +1,7 @@
-"""What a report is made of: quantities, checks, warnings, and the curves behind them.
+"""Content of a report: quantities, checks, warnings, curves, and their labels.
 
 Positions and times are SI: x from the ball's centre at rest, y up from the floor, time from the
 first frame.
-
-What the quantities of the results table are called on paper, and how they are printed.
 """
 
 from dataclasses import dataclass
@@ -42,7 +40,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class Curve:
-    """A fitted line to be drawn: two arrays of the same length and what it is."""
+    """A fitted curve: two arrays of the same length and a label."""
 
     x: FloatArray
     y: FloatArray
@@ -56,11 +54,11 @@ class GapRecord:
     Attributes
     ----------
     time_s, gap_m, gap_std_m : (N,) arrays
-        Measured gap; negative where ball and face overlap (the ball is squashed).
+        Measured gap; negative where ball and face overlap (the ball is compressed).
     onset, release : Moment or None
         Start and end of contact.
     fits : tuple of Curve
-        The closing and the opening branch.
+        The branches before and after contact.
     """
 
     time_s: FloatArray
@@ -82,7 +80,7 @@ class SpeedRecord:
     time_s, speed, speed_std : (N,) arrays
         Speed frame by frame, m/s.
     fits : tuple of Curve
-        Speed after the fitted motion.
+        Speed of the fitted motion.
     """
 
     label: str
@@ -94,7 +92,7 @@ class SpeedRecord:
 
 @dataclass(frozen=True)
 class PathRecord:
-    """The ball's path on the wall and what the fit leaves of it.
+    """The ball's path on the wall and the residuals of its fit.
 
     Attributes
     ----------
@@ -107,7 +105,7 @@ class PathRecord:
     landing_std_m : float or None
         Standard uncertainty of the landing distance, m.
     residual_time_s, residual_x_m, residual_y_m, residual_std_m : (M,) arrays
-        Measured minus fitted, for the frames that entered the fit.
+        Measured minus fitted, for the frames of the fit.
     """
 
     time_s: FloatArray
@@ -125,32 +123,32 @@ class PathRecord:
 
 
 class CheckKind(StrEnum):
-    """What a measurement is held against."""
+    """What a measurement is tested against."""
 
     GRAVITY = "gravity"
-    COR_AGREEMENT = "agreement of the estimates of the COR"
-    BALL_SPEEDS = "ball speed by the paper's ways"
-    CONTACT_BOUND = "contact time that such a ball can have"
+    COR_AGREEMENT = "agreement of the COR estimates"
+    BALL_SPEEDS = "ball speed by the paper's methods"
+    CONTACT_BOUND = "longest contact time possible for the ball"
     BALL_SIZE = "size of the ball at the scale of its plane"
     PENDULUM_LENGTH = "length of the pendulum"
-    PASSIVE = "no more speed than a passive contact returns"
+    PASSIVE = "speed after a passive contact"
     RELEASE = "where the flight begins"
-    STEADY_FALL = "both halves of the flight fall alike"
-    MOMENTUM = "momentum of two like bodies"
+    STEADY_FALL = "same acceleration in both halves of the flight"
+    MOMENTUM = "momentum of two equal bodies"
 
 
 class CheckOutcome(StrEnum):
-    """What came of a check."""
+    """Outcome of a check."""
 
     PASSED = "passed"
     FAILED = "failed"
     UNDECIDED = "can't tell"
-    """It would not have noticed a deviation that matters."""
+    """The check could not have detected a relevant deviation."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """A test that the measurement put itself to.
+    """A consistency test of the measurement.
 
     Attributes
     ----------
@@ -159,7 +157,7 @@ class Check:
     statement : str
         The outcome in a sentence, with its numbers.
     power : float or None
-        Probability with which a deviation that matters would have failed it.
+        Probability that a relevant deviation fails the check.
     """
 
     kind: CheckKind
@@ -169,12 +167,12 @@ class Check:
 
     @property
     def name(self) -> str:
-        """What is tested, in words."""
+        """What is tested, in plain text."""
         return self.kind.value
 
     @property
     def passed(self) -> bool | None:
-        """None where it can't tell."""
+        """None if undecided."""
         return (
             None
             if self.outcome is CheckOutcome.UNDECIDED
@@ -184,14 +182,14 @@ class Check:
 
 @dataclass(frozen=True)
 class ReportInput:
-    """Everything on the page.
+    """Content of the page.
 
     Attributes
     ----------
     title : str
         Heading, usually the clip's name.
     facts : tuple of (str, str)
-        Clip and set-up: what and its value, in order.
+        Clip and setup: name and value, in order.
     quantities : tuple of Quantity
         In the order of the results table.
     checks : tuple of Check
@@ -200,13 +198,13 @@ class ReportInput:
     speeds : tuple of SpeedRecord
     path : PathRecord or None
     still_png : bytes or None
-        A frame with its overlay.
+        A frame with the overlay.
     version : str
         Of the software.
     defaults : tuple of str
-        What was taken because nobody said it, a line each.
+        Default values that were used, a line each.
     seen : tuple of (str, str)
-        What happened, what was taken for the ball, what else moved; and what speaks for it.
+        Motion, ball and other moving objects, each with the evidence for it.
     """
 
     title: str
@@ -224,7 +222,6 @@ class ReportInput:
 
 
 COUNTS = frozenset({"contact_frames"})
-
 """Quantities that are whole numbers."""
 
 _LABELS = {
@@ -253,8 +250,8 @@ _LABELS = {
     "flight_angle": "angle at the first frame of the flight",
     "swing_period": "period of the swing",
     "swing_damping": "damping of the swing",
-    "speed_before": "speed before, of the ball that lay still",
-    "speed_after": "speed after, of the ball that lay still",
+    "speed_before": "speed before, of the ball initially at rest",
+    "speed_after": "speed after, of the ball initially at rest",
     "other_speed_before": "speed before, of the other ball",
     "other_speed_after": "speed after, of the other ball",
     "cor_collision": "COR along the line of centres",
@@ -265,7 +262,7 @@ _LABELS = {
 
 
 def quantity_label(name: str) -> str:
-    """Label of a quantity; names without one are spelled out."""
+    """Label of a quantity; without one, its name in words."""
     return _LABELS.get(name, name.replace("_", " "))
 
 

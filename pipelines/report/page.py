@@ -1,7 +1,4 @@
-"""The report as one HTML page that needs nothing beside it: no file, no script, no network.
-
-Results as a small piece of HTML, for a notebook's cell.
-"""
+"""HTML of a measurement: the self-contained report page and a notebook cell."""
 
 import base64
 import io
@@ -39,7 +36,7 @@ def results_html(
     warnings: Sequence[str] = (),
     still_png: bytes | None = None,
 ) -> str:
-    """Table of results, warnings above it, and a picture where there is one.
+    """Table of results with warnings above it and an optional picture.
 
     Parameters
     ----------
@@ -56,7 +53,7 @@ def results_html(
     """
     rows = [(quantity_label(q.name), quantity_text(q), q.value is not None) for q in quantities]
     still = None if still_png is None else base64.b64encode(_as_jpeg(still_png)).decode("ascii")
-    # not every command that shows results writes a page
+    # imported here: not every command that shows results writes a page
     from jinja2 import Environment, StrictUndefined
 
     template = Environment(autoescape=True, undefined=StrictUndefined).from_string(_CELL)
@@ -64,7 +61,7 @@ def results_html(
 
 
 def _as_jpeg(png: bytes) -> bytes:
-    """A seventh of the size: a notebook keeps every picture it has shown."""
+    """JPEG of a PNG: a seventh of the size, since a notebook keeps every picture."""
     from PIL import Image
 
     buffer = io.BytesIO()
@@ -76,7 +73,7 @@ def _as_jpeg(png: bytes) -> bytes:
 class _BudgetLine:
     source: str
     std: str
-    share: float
+    percentage: float
 
 
 @dataclass(frozen=True)
@@ -92,7 +89,7 @@ class _Row:
 
 
 def write_report(path: Path, report: ReportInput) -> None:
-    """Write the page, whole or not at all.
+    """Write the page, completely or not at all.
 
     Raises
     ------
@@ -103,7 +100,7 @@ def write_report(path: Path, report: ReportInput) -> None:
 
 
 def report_html(report: ReportInput) -> str:
-    """Make the page; every text in it is escaped.
+    """Return the page as HTML; every text in it is escaped.
 
     Parameters
     ----------
@@ -112,7 +109,7 @@ def report_html(report: ReportInput) -> str:
     Returns
     -------
     str
-        HTML with its pictures inside.
+        HTML with embedded pictures.
     """
     from jinja2 import Environment, StrictUndefined
 
@@ -128,11 +125,11 @@ def report_html(report: ReportInput) -> str:
     ]
     still = None if report.still_png is None else _data_uri("image/png", report.still_png)
     rows = [_row(quantity) for quantity in report.quantities]
-    shared = _shared_reasons(rows)
+    common = _common_reasons(rows)
     return environment.from_string(source).render(
         report=report,
-        rows=[row for row in rows if row.reason not in shared],
-        shared_reasons=shared,
+        rows=[row for row in rows if row.reason not in common],
+        shared_reasons=common,
         plots=plots,
         still=still,
     )
@@ -145,7 +142,7 @@ def _row(quantity: Quantity) -> _Row:
     value, std = format_pair(quantity.value, quantity.std)
     interval = relative = ""
     if quantity.std:
-        # k = 2: about 95 % where the budget's lines add up to a normal distribution (GUM, annex G).
+        # k = 2: about 95 % if the budget is nearly normally distributed (GUM, annex G)
         low, high = (
             format_pair(quantity.value + k * quantity.std, quantity.std)[0] for k in (-2, 2)
         )
@@ -156,8 +153,8 @@ def _row(quantity: Quantity) -> _Row:
     return _Row(label, value, std or "", interval, unit, "", relative, budget)
 
 
-def _shared_reasons(rows: list[_Row]) -> dict[str, list[str]]:
-    """Labels by the reason that several have in common: told once, below what is measured."""
+def _common_reasons(rows: list[_Row]) -> dict[str, list[str]]:
+    """Labels grouped by a reason that several percentage; listed once, below the results."""
     labels: dict[str, list[str]] = {}
     for row in rows:
         if row.reason:
@@ -170,8 +167,8 @@ def _largest_first(budget: tuple[Contribution, ...]) -> list[Contribution]:
 
 
 def _budget_line(line: Contribution, total: float | None) -> _BudgetLine:
-    share = 100.0 * (line.std / total) ** 2 if total else 0.0
-    return _BudgetLine(line.source, f"{abs(line.std):.2g}", share)
+    percentage = 100.0 * (line.std / total) ** 2 if total else 0.0
+    return _BudgetLine(line.source, f"{abs(line.std):.2g}", percentage)
 
 
 def _data_uri(kind: str, content: bytes) -> str:

@@ -1,7 +1,4 @@
-"""Plots of one measurement: gap around contact, speeds, path on the wall, residuals.
-
-Figures that show themselves in a notebook and are written whole.
-"""
+"""Plots of one measurement: gap, speeds, path on the wall, residuals."""
 
 import io
 from collections.abc import Callable
@@ -31,7 +28,7 @@ _SUFFIXES = (".png", ".svg")
 
 
 class Picture(Figure):
-    """A matplotlib figure that a notebook shows without `pyplot`."""
+    """A matplotlib figure that a notebook displays without `pyplot`."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
@@ -44,23 +41,23 @@ class Picture(Figure):
 
 
 def save_figure(figure: Figure, path: Path, hint: str | None = None) -> None:
-    """Write a figure as .png or .svg, whole or not at all.
+    """Write a figure as .png or .svg, completely or not at all.
 
     Raises
     ------
     UsageError
-        For another kind of file, or a folder that can't be written to.
+        If the file is neither .png nor .svg, or its folder can't be written to.
     """
     kind = path.suffix.lower()
     if kind not in _SUFFIXES:
         raise UsageError(f"a plot is a .png or .svg file, not {path.name}", hint=hint)
-    # without a date the same figure is the same file
+    # without a date the same figure gives the same file
     metadata: dict[str, Any] = {"Date": None} if kind == ".svg" else {}
     with written_whole(path) as temporary:
         figure.savefig(temporary, metadata=metadata)
 
 
-# Told apart with any colour vision (Okabe and Ito 2008).
+# Distinguishable with any colour vision (Okabe and Ito 2008).
 BLUE, ORANGE, GREEN, PINK, GRAY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#555555"
 
 STYLE: Any = {
@@ -77,15 +74,15 @@ STYLE: Any = {
     "legend.fontsize": 8,
     "svg.hashsalt": "impact-vision",
 }
-"""Points of type and lines: legible where a page is printed at half its size."""
+"""Font sizes and line widths in points: legible when printed at half size."""
 
 Panel = tuple[str, Callable[[Axes], None]]
 _POINTS: dict[str, Any] = {"fmt": "o", "ms": 2.6, "lw": 0, "elinewidth": 0.7, "capsize": 0}
-"""Points, sizes of marks and bars: several hundred frames stay apart in a panel."""
+"""Sizes of markers and bars in points: several hundred frames stay distinguishable."""
 
 
 def panels_of(report: ReportInput) -> tuple[Panel, ...]:
-    """Titles and drawing functions of the plots that the measurement has data for."""
+    """Titles and drawing functions of the plots for which there are data."""
     panels: list[Panel] = []
     if report.gap is not None and len(report.gap.time_s):
         gap = report.gap
@@ -96,7 +93,9 @@ def panels_of(report: ReportInput) -> tuple[Panel, ...]:
         path = report.path
         panels.append(("Path of the ball's centre", lambda axes: _draw_path(axes, path)))
         if path.residual_time_s is not None and len(path.residual_time_s):
-            panels.append(("Residuals of the fitted flight", lambda axes: _draw_left(axes, path)))
+            panels.append(
+                ("Residuals of the fitted flight", lambda axes: _draw_residuals(axes, path))
+            )
     return tuple(panels)
 
 
@@ -121,8 +120,8 @@ def plots_figure(report: ReportInput) -> Picture:
     panels = panels_of(report)
     if not panels:
         raise UsageError(
-            "there is nothing to plot: curves are drawn of a strike that was measured in metres",
-            hint="Leave --plot out and look at --report or --overlay; or give a scale, or point at "
+            "there is nothing to plot: curves need a strike measured in metres",
+            hint="Omit --plot and use --report or --overlay. For curves give a scale, or point at "
             "the ball with --ball-at X,Y.",
         )
     columns = 2 if len(panels) > 1 else 1
@@ -139,7 +138,7 @@ def plots_figure(report: ReportInput) -> Picture:
 
 
 def write_plot(path: Path, report: ReportInput) -> None:
-    """Write all panels into one picture (``--plot``).
+    """Write all panels to one picture (``--plot``).
 
     Raises
     ------
@@ -169,13 +168,13 @@ def _draw_gap(axes: Axes, gap: GapRecord) -> None:
             1e3 * fit.x, 1e3 * fit.y, color=(ORANGE, GREEN)[number % 2], lw=1, label=fit.label
         )
     _draw_moments(axes, gap)
-    reach = 1e3 * np.nanmax(np.abs(gap.gap_m))
-    axes.set_ylim(bottom=max(axes.get_ylim()[0], -1.1 * reach))
+    largest = 1e3 * np.nanmax(np.abs(gap.gap_m))
+    axes.set_ylim(bottom=max(axes.get_ylim()[0], -1.1 * largest))
     axes.set(xlabel="time / ms", ylabel="gap / mm")
 
 
 def _draw_moments(axes: Axes, gap: GapRecord | None) -> None:
-    """The time in contact as a band, its uncertain ends (k = 2) darker."""
+    """Shade the contact; its uncertain ends (k = 2) are darker."""
     if gap is None:
         return
     if gap.onset is not None and gap.release is not None:
@@ -221,7 +220,7 @@ def _draw_path(axes: Axes, path: PathRecord) -> None:
     axes.set(xlabel="x from the ball's rest / m", ylabel="height of the centre / m")
 
 
-def _draw_left(axes: Axes, path: PathRecord) -> None:
+def _draw_residuals(axes: Axes, path: PathRecord) -> None:
     assert path.residual_time_s is not None
     axes.axhline(0.0, color=GRAY, lw=0.8)
     time = 1e3 * path.residual_time_s
@@ -230,7 +229,7 @@ def _draw_left(axes: Axes, path: PathRecord) -> None:
         axes.fill_between(time, -band, band, color=GRAY, alpha=0.15, lw=0, label="±2 std expected")
     for residual, colour, label in (
         (path.residual_x_m, BLUE, "along the wall"),
-        (path.residual_y_m, ORANGE, "upwards"),
+        (path.residual_y_m, ORANGE, "vertical"),
     ):
         if residual is not None:
             axes.plot(time, 1e3 * residual, ".", ms=4, color=colour, label=label)

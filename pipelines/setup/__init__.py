@@ -1,1 +1,1 @@
-"""The setup file: what a lab knows, read once and checked."""
+"""Setup file of a lab: schema, reading, checks and defaults."""

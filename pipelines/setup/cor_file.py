@@ -1,4 +1,4 @@
-"""``cor.toml``: the laws of restitution that a campaign found, per ball, with their covariance.
+"""``cor.toml``: fitted laws of restitution per ball, with covariance.
 
 ::
 
@@ -9,16 +9,16 @@
     speeds = [1.12, 3.92]                # m/s, between which it was fitted
     strike_scatter = 0.005               # one sigma, strike to strike
     session_scatter = 0.002              # one sigma, session to session
-    probability = 0.88                   # of this law, the likeliest; without it: 1
+    probability = 0.88                   # of this law, the most probable; default 1
 
-    [[balls.jokku.other_laws]]           # what else the strikes allow, the same keys
+    [[balls.jokku.other_laws]]           # further laws compatible with the strikes, same keys
     law = "constant"
     probability = 0.12
     parameters = { d = 0.7311 }
     covariance = [[1e-4]]
 
-What is handed on is the mean of the laws, each with its probability, and an uncertainty that holds
-the doubt about the law itself (Hoeting et al., Statistical Science 14, 382, 1999).
+The law used is the mean of the laws, weighted by probability; its uncertainty includes that of the
+choice of law (Hoeting et al., Statistical Science 14, 382, 1999).
 """
 
 from collections.abc import Mapping
@@ -71,16 +71,16 @@ PARAMETERS = {
 }
 """Names in the order of the covariance."""
 
-_SUMS_TO_ONE = 1e-3
-"""What three probabilities written by hand with three digits may sum beside 1."""
+_MAX_SUM_ERROR = 1e-3
+"""Maximum deviation of the sum of probabilities from 1 (chosen: rounding to three digits)."""
 
-STEP = 1e-6
-"""Of the numerical derivative by a parameter, in its own unit: all are of the order of 0.1 to 1."""
+PARAMETER_STEP = 1e-6
+"""Step of the numerical derivative, in each parameter's unit (chosen; parameters: 0.1 to 1)."""
 
 
 @dataclass(frozen=True, eq=False)
 class FittedLaw:
-    """One law of restitution, and how likely it is among those compared.
+    """One law of restitution and its probability among those compared.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class FittedLaw:
         return np.array([self.parameters[name] for name in PARAMETERS[self.kind]])
 
     def value_at(self, speed: float) -> float:
-        """Coefficient of restitution at an impact speed, m/s, even where it is none."""
+        """Coefficient of restitution at an impact speed, m/s, also outside (0, 1]."""
         return _value(self.kind, self._vector, speed)
 
     def std_at(self, speed: float) -> float:
@@ -117,10 +117,10 @@ class FittedLaw:
         slope = np.array(
             [
                 (
-                    _value(self.kind, centre + STEP * axis, speed)
-                    - _value(self.kind, centre - STEP * axis, speed)
+                    _value(self.kind, centre + PARAMETER_STEP * axis, speed)
+                    - _value(self.kind, centre - PARAMETER_STEP * axis, speed)
                 )
-                / (2.0 * STEP)
+                / (2.0 * PARAMETER_STEP)
                 for axis in np.eye(len(centre))
             ]
         )
@@ -129,15 +129,15 @@ class FittedLaw:
 
 @dataclass(frozen=True, eq=False)
 class BallLaw:
-    """What a campaign knows of a ball's restitution.
+    """Laws of restitution of a ball from a campaign.
 
     Attributes
     ----------
     ball : str
     laws : tuple of FittedLaw
-        Those compared, the likeliest first; their probabilities sum to 1.
+        Laws compared, the most probable first; their probabilities sum to 1.
     speeds : (2,) tuple of float
-        m/s, between which they were fitted.
+        m/s, range of the fit.
     strike_scatter, session_scatter : float
         One sigma, strike to strike and session to session.
     """
@@ -150,17 +150,14 @@ class BallLaw:
 
     @property
     def law(self) -> CorLaw:
-        """The mean of the laws, each with its probability."""
+        """Mean of the laws, weighted by probability."""
         if len(self.laws) == 1:
             return self.laws[0].law
         parts = [f"{one.probability!r}*({law_as_text(one.law)})" for one in self.laws]
         return ExpressionCor(" + ".join(parts))
 
     def std_at(self, speed: float) -> float:
-        """Standard uncertainty of the mean law at an impact speed, m/s.
-
-        What the laws differ by is part of it.
-        """
+        """Standard uncertainty of the mean law at an impact speed, m/s, with the choice of law."""
         weights = np.array([one.probability for one in self.laws])
         values = np.array([one.value_at(speed) for one in self.laws])
         own = np.array([one.std_at(speed) for one in self.laws])
@@ -168,12 +165,12 @@ class BallLaw:
         return float(np.sqrt(weights @ (own**2 + apart**2)))
 
     def scatter_at(self, speed: float, scatter: PlanScatter) -> PlanScatter:
-        """The scatter with what the campaign knows of restitution at an impact speed, m/s."""
+        """Scatter with the campaign's restitution at an impact speed, m/s."""
         own = float(np.hypot(self.strike_scatter, self.session_scatter))
         return replace(scatter, cor_law=self.std_at(speed), cor=own or scatter.cor)
 
     def struck(self, ball: Ball) -> Ball:
-        """The ball with this law and the speeds between which it holds."""
+        """The ball with this law and its speed range."""
         return replace(ball, cor=self.law, cor_range=self.speeds)
 
 
@@ -200,7 +197,7 @@ def _law(kind: LawKind, vector: FloatArray) -> CorLaw:
 
 
 def _number(written: Any) -> Any:
-    """A number, or a table with ``value`` (and ``std``, which the covariance says too)."""
+    """A number, or the ``value`` of a table (its ``std`` is in the covariance, too)."""
     return written.get("value") if isinstance(written, dict) else written
 
 
@@ -231,12 +228,12 @@ class _CorFile(BaseModel):
 
 
 def read_cor_file(path: Path) -> dict[str, BallLaw]:
-    """Read the laws of a ``cor.toml``, by ball.
+    """Read the laws of a ``cor.toml`` by ball.
 
     Raises
     ------
     SetupError
-        If it can't be read, lacks a number, or its covariance is none.
+        If it can't be read, lacks a number, or its covariance is invalid.
     """
     text = read_small_text(
         path,
@@ -261,15 +258,15 @@ def _ball_law(name: str, table: _BallTable, path: Path) -> BallLaw:
     low, high = table.speeds
     if not 0.0 < low <= high:
         raise SetupError(
-            f"{where}: speeds {low:g} to {high:g} m/s are no range",
+            f"{where}: speeds {low:g} to {high:g} m/s are not a range",
             hint="Write speeds = [lowest, highest], both above zero.",
         )
     tables = (table, *table.other_laws)
     total = sum(one.probability for one in tables)
-    if abs(total - 1.0) > _SUMS_TO_ONE:
+    if abs(total - 1.0) > _MAX_SUM_ERROR:
         raise SetupError(
             f"{where}: the probabilities of its laws sum to {total:g}",
-            hint="They are those of all laws compared, and sum to 1.",
+            hint="Give the probabilities of all laws compared; they must sum to 1.",
         )
     laws = tuple(_fitted_law(one, where) for one in tables)
     law = BallLaw(name, laws, table.speeds, table.strike_scatter, table.session_scatter)
@@ -286,7 +283,7 @@ def _fitted_law(table: _LawTable, where: str) -> FittedLaw:
         raise SetupError(
             f"{where}: the {table.law.value} law has the parameters"
             f" {', '.join(wanted)}, not {', '.join(table.parameters)}",
-            hint="Take the file as `vision campaign` wrote it, or name every parameter of the law.",
+            hint="Use the file as written by `vision campaign`, or name every parameter.",
         )
     size = len(wanted)
     if [len(row) for row in table.covariance] != [size] * size:
@@ -299,14 +296,14 @@ def _fitted_law(table: _LawTable, where: str) -> FittedLaw:
     lowest = float(np.linalg.eigvalsh(0.5 * (covariance + covariance.T)).min())
     if np.abs(covariance - covariance.T).max() > 1e-9 * scale or lowest < -1e-9 * scale:
         raise SetupError(
-            f"{where}: the covariance is no covariance",
+            f"{where}: the covariance is not a valid covariance matrix",
             hint="It must be symmetric, with no variance below zero.",
         )
     return FittedLaw(table.law, table.parameters, covariance, table.probability)
 
 
 def write_cor_file(path: Path, laws: Mapping[str, BallLaw]) -> None:
-    """Write the laws of a campaign, whole or not at all."""
+    """Write the laws of a campaign, completely or not at all."""
     balls = {
         name: {
             **_law_table(law.laws[0]),
@@ -330,25 +327,25 @@ def _law_table(law: FittedLaw) -> dict[str, Any]:
 
 
 def law_of_ball(laws: Mapping[str, BallLaw], ball: str) -> BallLaw:
-    """The law of a ball; the only one of the file whatever the ball is called.
+    """Law of a ball; if the file has only one law, that one.
 
     Raises
     ------
     UsageError
-        If the file knows other balls only.
+        If the file has only other balls.
     """
     if ball in laws:
         return laws[ball]
     if len(laws) == 1:
         return next(iter(laws.values()))
     raise UsageError(
-        f"the laws of restitution do not know the ball {ball!r}",
-        hint=f"They know {', '.join(laws) or 'none'}: choose one with --ball.",
+        f"there is no law of restitution for the ball {ball!r}",
+        hint=f"There are laws for {', '.join(laws) or 'none'}: choose one with --ball.",
     )
 
 
 def with_laws(setup: Setup, laws: Mapping[str, BallLaw]) -> Setup:
-    """A setup whose balls rebound by the laws of a campaign, as sure as the campaign was."""
+    """A setup with the laws of a campaign and their uncertainty."""
     balls = {
         name: replace(ball, cor=laws[name].law) if name in laws else ball
         for name, ball in setup.balls.items()

@@ -1,8 +1,6 @@
-"""The setup file: what a lab knows, read once and handed on as bodies of the physics room.
+"""Setup file: reading, checks, and properties of the apparatus.
 
-Contract: every key is optional; an unknown key is an error that names the nearest right one.
-
-What holds for one clip or campaign is its numbers, and the defaults where it is silent.
+Every key is optional; an unknown key is an error that names the nearest valid one (contract).
 """
 
 import math
@@ -73,14 +71,14 @@ __all__ = [
 ]
 
 GRAVITY_EFFECT = "gravity"
-"""Always in a model; named in its list of effects, but no entry of the catalogue."""
+"""Part of every model; allowed in its list of effects, but not in the catalogue."""
 
-SLOWEST, FASTEST = 0.05, 8.0
-"""m/s: impact speeds at which a law of restitution must have a value where no pendulum says more;
-8 m/s is what a pendulum of 1.6 m length reaches from upright."""
+MIN_LAW_SPEED, MAX_LAW_SPEED = 0.05, 8.0
+"""m/s: range in which a law of restitution must have values without a given pendulum (chosen: 8 m/s
+is the speed of a pendulum of 1.6 m length released upright)."""
 
-MOST_TOLD = 12
-"""Mistakes of a setup file that one message tells: half a screen."""
+MAX_LISTED_MISTAKES = 12
+"""Maximum number of mistakes listed in one message (chosen: half a screen)."""
 
 
 def load_setup(path: Path) -> Setup:
@@ -89,7 +87,7 @@ def load_setup(path: Path) -> Setup:
     Raises
     ------
     SetupError
-        If the file is missing, is no TOML, has an unknown key or a value out of range.
+        If the file is missing, is not TOML, has an unknown key or a value out of range.
     """
     text = read_small_text(
         path, what="the setup file", hint="Check the path given to --setup.", error=SetupError
@@ -98,7 +96,7 @@ def load_setup(path: Path) -> Setup:
 
 
 def read_setup(text: str, name: str = "setup", *, folder: Path = Path()) -> Setup:
-    """Read the text of a setup file; `folder` is where relative paths in it start.
+    """Read the text of a setup file; relative paths in it start at `folder`.
 
     Raises
     ------
@@ -111,7 +109,7 @@ def read_setup(text: str, name: str = "setup", *, folder: Path = Path()) -> Setu
 def setup_from_document(
     document: Mapping[str, Any], name: str = "setup", *, folder: Path = Path()
 ) -> Setup:
-    """Check the document of a setup file (nested tables) and turn it into SI.
+    """Check the document of a setup file (nested tables) and convert it to SI.
 
     Raises
     ------
@@ -129,7 +127,7 @@ def setup_from_document(
 
 
 def ball_from_option(text: str) -> BallSetup:
-    """Ball named with ``--ball``: a preset's name, or a diameter such as ``220mm``.
+    """Ball of ``--ball``: name of a preset, or a diameter such as ``220mm``.
 
     Raises
     ------
@@ -152,14 +150,14 @@ def _build(schema: SetupSchema, folder: Path) -> Setup:
     camera, wall = schema.camera, schema.wall
     point = camera.principal_point_on_wall
     pendulum = None if schema.pendulum is None else _pendulum(schema.pendulum)
-    fastest = FASTEST
+    fastest = MAX_LAW_SPEED
     if pendulum is not None:
         fastest = float(frictionless_speed(pendulum, np.pi, 0.0))
     return Setup(
         camera=CameraSetup(
             _value(camera.capture_fps),
-            _taped(camera.distance_to_wall),
-            None if point is None else (_tape(point[0]), _tape(point[1])),
+            _measured(camera.distance_to_wall),
+            None if point is None else (_with_default_std(point[0]), _with_default_std(point[1])),
             _value(camera.shutter),
             None if camera.lens is None else folder / camera.lens,
             _std(camera.capture_fps),
@@ -168,7 +166,7 @@ def _build(schema: SetupSchema, folder: Path) -> Setup:
         wall=WallSetup(
             _value(wall.grid),
             _value(wall.fine_grid),
-            _taped(wall.ball_plane_offset),
+            _measured(wall.ball_plane_offset),
             _std(wall.grid),
             _std(wall.fine_grid),
         ),
@@ -198,13 +196,13 @@ def _std(given: Given | None) -> float | None:
     return None if given is None else given.std
 
 
-def _tape(given: Given) -> Measured:
+def _with_default_std(given: Given) -> Measured:
     std = Defaults.TAPE.std_of(given.value) if given.std is None else given.std
     return given.value, std
 
 
-def _taped(given: Given | None) -> Measured | None:
-    return None if given is None else _tape(given)
+def _measured(given: Given | None) -> Measured | None:
+    return None if given is None else _with_default_std(given)
 
 
 def _ball(name: str, table: BallTable, fastest: float) -> BallSetup:
@@ -236,7 +234,7 @@ def _ball(name: str, table: BallTable, fastest: float) -> BallSetup:
 def _cor_law(name: str, text: str | float, fastest: float) -> CorLaw:
     try:
         law = parse_cor_law(text)
-        require_real(law, SLOWEST, fastest)
+        require_real(law, MIN_LAW_SPEED, fastest)
     except UsageError as problem:
         raise SetupError(f"ball {name!r}, cor: {problem.message}", hint=problem.hint) from problem
     return law
@@ -245,7 +243,7 @@ def _cor_law(name: str, text: str | float, fastest: float) -> CorLaw:
 def _pendulum(table: PendulumTable) -> bodies.Pendulum:
     paper = bodies.PAPER_PENDULUM
     given = {key: value.value for key, value in table if value is not None}
-    # a pendulum of the lab's own does not have the paper's effective mass: I/L² then
+    # another pendulum than the paper's has another effective mass: I/L²
     effective_mass = given.pop("effective_mass", None if given else paper.effective_mass)
     return replace(paper, **given, effective_mass=effective_mass)
 
@@ -286,7 +284,7 @@ def _model(table: ModelTable) -> ModelSetup:
 def _explain(problem: ValidationError, name: str) -> str:
     lines = []
     errors = problem.errors()
-    for error in errors[:MOST_TOLD]:
+    for error in errors[:MAX_LISTED_MISTAKES]:
         where = ".".join(str(part) for part in error["loc"])
         if error["type"] == "extra_forbidden":
             nearest = _nearest_key(tuple(str(part) for part in error["loc"]))
@@ -294,33 +292,33 @@ def _explain(problem: ValidationError, name: str) -> str:
         else:
             text = error["msg"].removeprefix("Value error, ")
             own = error["type"] in ("value_error", "missing")
-            typed = "" if own else f"; there stands {str(error['input'])[:40]!r}"
+            typed = "" if own else f"; found {str(error['input'])[:40]!r}"
             lines.append(f"{name}: {where}: {text}{typed}")
-    if len(errors) > MOST_TOLD:
-        lines.append(f"{name}: and {len(errors) - MOST_TOLD} more of that kind")
+    if len(errors) > MAX_LISTED_MISTAKES:
+        lines.append(f"{name}: and {len(errors) - MAX_LISTED_MISTAKES} more mistakes")
     return "\n".join(lines)
 
 
 _ADVICE = (
-    ("extra_forbidden", "Correct the key, or take its line out."),
+    ("extra_forbidden", "Correct the key, or delete its line."),
     ("missing", "Add the line."),
     ("float", "Write a number there, without quotes."),
     ("int", "Write a whole number there, without quotes."),
     ("finite", "Write a number there, without quotes."),
-    ("model", "Write a table: its name in brackets, and a line for each key."),
-    ("dict", "Write a table: its name in brackets, and a line for each key."),
+    ("model", "Write a table: its name in brackets, then a line for each key."),
+    ("dict", "Write a table: its name in brackets, then a line for each key."),
     ("list", "Write a list in brackets."),
     ("tuple", "Write a list in brackets."),
     ("string", "Write a text in quotes there."),
 )
-"""Beginnings of pydantic's kinds of error, and what to do."""
+"""Prefixes of pydantic's error types, and the advice for each."""
 
 
 def _advice(problem: ValidationError) -> str:
-    """What to do about the first of the mistakes."""
+    """Advice on the first mistake."""
     kind = problem.errors()[0]["type"]
-    said = (advice for start, advice in _ADVICE if kind.startswith(start))
-    return next(said, "Correct the line, or take it out.")
+    matching = (advice for start, advice in _ADVICE if kind.startswith(start))
+    return next(matching, "Correct the line, or delete it.")
 
 
 def _nearest_key(location: tuple[str, ...]) -> str:
@@ -345,7 +343,7 @@ def _nearest_key(location: tuple[str, ...]) -> str:
 
 
 class Origin(StrEnum):
-    """Who says so."""
+    """Source of a value."""
 
     SETUP = "setup"
     PRESET = "preset"
@@ -354,21 +352,21 @@ class Origin(StrEnum):
 
 @dataclass(frozen=True)
 class RigNumber:
-    """A number of the rig with its standard uncertainty, and who says so.
+    """A property of the apparatus with its standard uncertainty and source.
 
     Attributes
     ----------
     name : str
-        In words.
+        Plain name.
     key : str
-        Key of the setup file that would say it ("pendulum.inertia"); "" where there is none.
+        Key in the setup file ("pendulum.inertia"); "" if there is none.
     value, std : float
         In `unit`.
     unit : str
         SI.
     value_from, std_from : Origin
     source : str
-        Where a default comes from; "" where nothing was taken from the defaults.
+        Source of a default; "" if no default is used.
     """
 
     name: str
@@ -393,25 +391,25 @@ class RigNumber:
     @property
     def in_words(self) -> str:
         """One line for a report: "mass of the ball: 0.3530 ± 0.0011 kg (its uncertainty is …)"."""
-        told = format_value(self.value, self.std, self.unit)
+        text = format_value(self.value, self.std, self.unit)
         what = "a default" if self.value_from is Origin.DEFAULT else "its uncertainty is a default"
-        return f"{self.name}: {told} ({what}: {self.source})"
+        return f"{self.name}: {text} ({what}: {self.source})"
 
 
 @dataclass(frozen=True)
 class Rig:
-    """Every number of the rig that measuring needs, each with its uncertainty.
+    """Properties of the apparatus that a measurement needs, with uncertainties.
 
     Attributes
     ----------
     inertia, pendulum_mass, com, length : RigNumber
         Pendulum, SI.
     effective_mass : RigNumber or None
-        kg; None where it follows from inertia and length.
+        kg; None if it follows from inertia and length.
     support_height : RigNumber or None
-        None where nobody said.
+        None if not given.
     ball_mass, ball_diameter, launch_angle : RigNumber or None
-        None where the ball, or that of it, is not known.
+        None if not given.
     gravity, air_density, drag_coefficient, spin, grid_pitch : RigNumber
     """
 
@@ -432,23 +430,23 @@ class Rig:
 
     @property
     def numbers(self) -> tuple[RigNumber, ...]:
-        """All that are known."""
+        """All known properties."""
         return tuple(known for known in vars(self).values() if known is not None)
 
     @property
     def defaults_used(self) -> tuple[RigNumber, ...]:
-        """Those whose value or uncertainty is a default."""
+        """Properties whose value or uncertainty is a default."""
         return tuple(known for known in self.numbers if known.defaulted)
 
     @property
-    def stiffness_share(self) -> float:
+    def stiffness_relative_std(self) -> float:
         """Relative standard uncertainty of Ω² = m g d / I of the free swing."""
         parts = (self.pendulum_mass, self.gravity, self.com, self.inertia)
         return math.hypot(*(part.relative_std for part in parts))
 
 
 def rig_of(setup: Setup, ball: BallSetup | None) -> Rig:
-    """The rig of a setup and the ball that is struck."""
+    """Apparatus of a setup and the struck ball."""
     body = setup.pendulum or bodies.PAPER_PENDULUM
     body_from = Origin.PRESET if setup.pendulum is None else Origin.SETUP
     std = setup.pendulum_std
@@ -484,7 +482,7 @@ def rig_of(setup: Setup, ball: BallSetup | None) -> Rig:
 def _known(
     key: str, value: float | None, std: float | None, default: Default, said_by: Origin
 ) -> RigNumber:
-    """What is given, and the default for the rest."""
+    """The given value and std, with defaults for the rest."""
     number = default.known if value is None else value
     return RigNumber(
         default.name,
@@ -541,7 +539,7 @@ def _air_density(setup: Setup) -> RigNumber:
     base = known.at(0.0, 0.0, 0.0).density
     moves = [known.at(*(s if i == j else 0.0 for j, s in enumerate(stds))) for i in range(3)]
     std = math.hypot(*(air.density - base for air in moves))
-    told = None not in (known.temperature_std, known.pressure_std, known.humidity_std)
+    text = None not in (known.temperature_std, known.pressure_std, known.humidity_std)
     return RigNumber(
         Defaults.AIR_DENSITY.name,
         "air.density",
@@ -549,13 +547,13 @@ def _air_density(setup: Setup) -> RigNumber:
         std,
         "kg/m^3",
         Origin.SETUP,
-        Origin.SETUP if told else Origin.DEFAULT,
-        "" if told else "thermometer 1 K, weather 10 hPa, humidity 20 %, where not given",
+        Origin.SETUP if text else Origin.DEFAULT,
+        "" if text else "thermometer 1 K, weather 10 hPa, humidity 20 %, if not given",
     )
 
 
 def _drag(setup: Setup) -> RigNumber:
-    """The drag coefficient of [model.drag], or the default."""
+    """Drag coefficient of [model.drag], or the default."""
     given = setup.model.parameters.get("drag", {}).get("drag_coefficient")
     std = setup.model.stds.get("drag", {}).get("drag_coefficient")
     return _known(

@@ -1,13 +1,7 @@
-"""What a lab knows, table by table of its setup file: frozen, SI, checked when it was read.
+"""Tables of the setup file: schema, dataclasses in SI, TOML output.
 
-A value is a float; its standard uncertainty is ``…_std``, None where nobody gave
-one. `pipelines.setup.file` says what holds then.
-
-A setup written back as TOML: SI numbers with their units, ± where an uncertainty was given.
-
-The setup file as it is written: every key a lab may give, checked and turned into SI.
-
-Parameters of effects as people type them: in ``[model.drag]`` and in ``--effect drag:…``.
+A value is a float; its standard uncertainty is ``…_std``, None if not given
+(`pipelines.setup.file` has the defaults).
 """
 
 import copy
@@ -68,9 +62,9 @@ __all__ = [
     "Setup",
     "SetupSchema",
     "WallSetup",
+    "checked_values",
     "nearest",
     "read_parameter",
-    "told_values",
 ]
 
 
@@ -96,7 +90,7 @@ def _number_in(what: Measurand) -> BeforeValidator:
 
 Angle = Annotated[float, _number_in(measurands.ANGLE_STD)]
 
-Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
+Fraction = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -179,17 +173,17 @@ class AirTable(_Table):
 
 
 class ScatterTable(_Table):
-    """``[scatter]``: trial to trial, one sigma."""
+    """``[scatter]``: standard deviation from trial to trial."""
 
     backswing: Angle | None = None
     launch_angle: Angle | None = None
-    cor: Share | None = None
-    cor_law: Share | None = None
+    cor: Fraction | None = None
+    cor_law: Fraction | None = None
     launch_angle_law: Angle | None = None
 
 
 class NoiseTable(_Table):
-    """``[noise]``: a claim about the tracks."""
+    """``[noise]``: stated noise of the tracks."""
 
     position: Annotated[float, _number_in(measurands.POSITION_STD)] | None = None
     angle: Annotated[float, _number_in(measurands.ANGLE_STD), Field(gt=0)] | None = None
@@ -204,7 +198,7 @@ class ModelTable(BaseModel):
 
 
 class ColumnsTable(_Table):
-    """``[columns]``: what the columns of a table of tracks hold, and which track is which."""
+    """``[columns]``: columns and objects of a table of tracks."""
 
     t: str | None = None
     frame: str | None = None
@@ -235,7 +229,7 @@ class SetupSchema(_Table):
 
 
 def read_parameter(effect: str, key: str, typed: Any) -> Given:
-    """A parameter of an effect of the catalogue, with or without its unit and uncertainty.
+    """A parameter of an effect of the catalogue, optionally with unit and uncertainty.
 
     Parameters
     ----------
@@ -247,7 +241,7 @@ def read_parameter(effect: str, key: str, typed: Any) -> Given:
     Raises
     ------
     SetupError
-        If the effect has no such parameter, or nature does not allow the value.
+        If the effect has no such parameter, or the value is outside its physical range.
     """
     known: dict[str, Parameter] = {p.name: p for e in CATALOGUE[effect] for p in e.parameters}
     if key not in known:
@@ -264,7 +258,7 @@ def read_parameter(effect: str, key: str, typed: Any) -> Given:
         p.unit,
         lower,
         upper,
-        f"nature allows {lower:g} to {upper:g}",
+        f"possible are {lower:g} to {upper:g}",
         f"{example:g} {p.unit if p.unit != '1' else ''}",
     )
     try:
@@ -276,7 +270,7 @@ def read_parameter(effect: str, key: str, typed: Any) -> Given:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Say which of the known names is the nearest, as the end of a message."""
+    """End of a message that names the nearest valid name."""
     near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.0)
     return f"; the nearest is '{near[0]}'" if near else ""
 
@@ -285,13 +279,13 @@ Values = ParamSpec("Values")
 Result = TypeVar("Result")
 
 
-def told_values(function: Callable[Values, Result]) -> Callable[Values, Result]:
-    """Refuse a call that does not fit a function's signature with what the function takes.
+def checked_values(function: Callable[Values, Result]) -> Callable[Values, Result]:
+    """Check a call against the function's signature; state what it takes if it does not fit.
 
     Raises
     ------
     UsageError
-        For a keyword that it does not know, too few or too many values, or one of another kind.
+        For an unknown keyword, too few or too many values, or one of the wrong type.
     """
     signature = inspect.signature(function)
     known = [name for name in signature.parameters if name not in ("self", "cls")]
@@ -301,7 +295,7 @@ def told_values(function: Callable[Values, Result]) -> Callable[Values, Result]:
     def called(*values: Values.args, **named: Values.kwargs) -> Result:
         takes = f"It takes {', '.join(known)}."
         for name in named.keys() - set(known):
-            raise UsageError(f"{asked} knows no {name!r}{nearest(name, known)}", hint=takes)
+            raise UsageError(f"{asked} has no {name!r}{nearest(name, known)}", hint=takes)
         try:
             given = signature.bind(*values, **named).arguments
         except TypeError as problem:
@@ -311,7 +305,7 @@ def told_values(function: Callable[Values, Result]) -> Callable[Values, Result]:
             if not _fits(given[name], hints[name]):
                 raise UsageError(
                     f"{asked}: {name} can't be {given[name]!r}",
-                    hint=f"What it takes is told by help({asked}).",
+                    hint=f"See help({asked}) for what it takes.",
                 )
         return function(*values, **named)
 
@@ -320,10 +314,10 @@ def told_values(function: Callable[Values, Result]) -> Callable[Values, Result]:
 
 @cache
 def _hints(function: Callable[..., object]) -> Mapping[str, Any]:
-    """What a function's parameters may be, as far as that can be told without loading more."""
+    """Type hints of a function, if they can be resolved without further imports."""
     try:
         return get_type_hints(function)
-    except NameError:  # a table of pandas, which is loaded when it is wanted
+    except NameError:  # a pandas type, which is imported only when needed
         return {}
 
 
@@ -331,7 +325,7 @@ _NUMBERS = {float: Real, int: Integral, complex: Complex}
 
 
 def _fits(value: object, kind: Any) -> bool:
-    """Whether a value is of a kind; arrays of NumPy are sequences, its numbers are numbers."""
+    """Whether a value matches a type; NumPy arrays count as sequences, NumPy numbers as numbers."""
     origin, parts = get_origin(kind), get_args(kind)
     if origin in (Union, UnionType):
         return any(_fits(value, part) for part in parts)
@@ -354,17 +348,15 @@ def _fits(value: object, kind: Any) -> bool:
 
 
 SCATTER_UNITS = {"cor": "", "cor_law": ""}
-
-"""Units of [scatter] where it is no angle."""
+"""Units of [scatter] other than angles."""
 
 Measured: TypeAlias = tuple[float, float]
-
 """Value and standard uncertainty, SI."""
 
 
 @dataclass(frozen=True)
 class CameraSetup:
-    """What is known of the camera, SI; taped lengths as (value, standard uncertainty)."""
+    """Camera, SI; lengths measured by hand as (value, standard uncertainty)."""
 
     capture_fps: float | None = None
     distance_to_wall: Measured | None = None
@@ -388,9 +380,9 @@ class WallSetup:
 
 @dataclass(frozen=True)
 class BallSetup:
-    """What is known of a ball: at least its diameter, m; mass kg, angle rad, COR where given.
+    """A ball: at least its diameter, m; mass, kg, angle, rad, and COR if given.
 
-    `contact_outcome` is what the baseline expects a contact to do, by impact speed (may be empty).
+    `contact_outcome` is the baseline's contact by impact speed (may be empty).
     """
 
     name: str
@@ -410,7 +402,7 @@ class BallSetup:
         Raises
         ------
         KeyError
-            If there is none of that name.
+            If there is no preset of that name.
         """
         ball = bodies.BALLS[name]
         return cls(name, ball.diameter, ball.mass, ball.launch_angle, ball.cor)
@@ -443,7 +435,7 @@ class BallSetup:
 
 @dataclass(frozen=True)
 class PendulumStd:
-    """Standard uncertainties of the pendulum's numbers, SI, where somebody gave them."""
+    """Standard uncertainties of the pendulum's properties, SI, if given."""
 
     length: float | None = None
     inertia: float | None = None
@@ -454,7 +446,7 @@ class PendulumStd:
 
 @dataclass(frozen=True)
 class AirSetup:
-    """What is known of the air, SI: thermometer, barometer and hygrometer, or the numbers."""
+    """Air, SI: readings of thermometer, barometer and hygrometer, or density and viscosity."""
 
     temperature: float | None = None
     pressure: float | None = None
@@ -469,12 +461,12 @@ class AirSetup:
 
     @property
     def read_off(self) -> bool:
-        """Whether anything of thermometer, barometer and hygrometer is given."""
+        """Whether a reading of thermometer, barometer or hygrometer is given."""
         return not (self.temperature is None and self.pressure is None and self.humidity is None)
 
     @property
     def air(self) -> Air:
-        """The air: moist air after what was read off, the defaults where nothing was."""
+        """Moist air from the readings, with defaults where there are none."""
         base = self.at(0.0, 0.0, 0.0)
         return replace(
             base,
@@ -483,7 +475,7 @@ class AirSetup:
         )
 
     def at(self, warmer: float, denser: float, damper: float) -> Air:
-        """Air with temperature (K), pressure (Pa) and humidity moved by so much."""
+        """Air with shifted temperature (K), pressure (Pa) and humidity."""
         if not self.read_off:
             return Air(Defaults.AIR_DENSITY.known, Defaults.AIR_VISCOSITY.known)
         temperature = self.temperature or Defaults.AIR_TEMPERATURE.known
@@ -495,7 +487,7 @@ class AirSetup:
 
 @dataclass(frozen=True)
 class ScatterSetup:
-    """Trial-to-trial scatter, one sigma; angles in rad."""
+    """Standard deviation from trial to trial; angles in rad."""
 
     backswing: float | None = None
     launch_angle: float | None = None
@@ -506,7 +498,7 @@ class ScatterSetup:
 
 @dataclass(frozen=True)
 class NoiseSetup:
-    """A claim about the noise of the tracks: m and rad."""
+    """Stated noise of the tracks: m and rad."""
 
     position: float | None = None
     angle: float | None = None
@@ -514,7 +506,7 @@ class NoiseSetup:
 
 @dataclass(frozen=True)
 class ModelSetup:
-    """Effects of the baseline model, their parameters and what is given of their uncertainty."""
+    """Effects of the baseline model, their parameters and given uncertainties."""
 
     effects: tuple[str, ...] = ("gravity", "drag")
     parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
@@ -523,10 +515,10 @@ class ModelSetup:
 
 @dataclass(frozen=True)
 class Setup:
-    """All that the setup file and the options say; SI, frozen, editable by `having`.
+    """Content of setup file and options; SI, frozen; `having` returns changed copies.
 
-    `pendulum`, `ball` are None where nothing was said; `balls` holds the named balls of a campaign,
-    `columns` what the columns of other programs' tables hold.
+    `pendulum` and `ball` are None if not given; `balls` has the named balls of a campaign,
+    `columns` the columns of other programs' tables.
 
     Examples
     --------
@@ -556,7 +548,7 @@ class Setup:
         return self.air_known.air
 
     @classmethod
-    @told_values
+    @checked_values
     def load(cls, path: str | PathLike[str]) -> "Setup":
         """Read a setup file.
 
@@ -574,18 +566,18 @@ class Setup:
         return setup_as_toml(self)
 
     def save(self, path: str | PathLike[str]) -> Path:
-        """Write the setup file; where it was written."""
+        """Write the setup file and return its path."""
         write_text_whole(Path(path), self.to_toml())
         return Path(path)
 
-    @told_values
+    @checked_values
     def having(self, keys: Mapping[str, Any]) -> "Setup":
-        """Give the setup with some keys changed, checked as a file would be.
+        """Copy of the setup with some keys changed, checked like a file.
 
         Parameters
         ----------
         keys : mapping
-            Dotted keys of the setup file to what would stand there; None takes a key out.
+            Dotted keys of the setup file to their values; None removes a key.
 
         Raises
         ------
@@ -597,8 +589,8 @@ class Setup:
         return replace(setup_from_document(changed(document_of(self), keys)), path=self.path)
 
 
-# what is made of anything but bodies and tables is told at once, too
-Setup.__init__ = told_values(Setup.__init__)  # type: ignore[method-assign]
+# wrong types are refused when a setup is created, too
+Setup.__init__ = checked_values(Setup.__init__)  # type: ignore[method-assign]
 
 _UNITS = {
     "capture_fps": "fps",
@@ -626,12 +618,12 @@ def setup_as_toml(setup: Setup) -> str:
 
 
 def changed(document: Mapping[str, Any], keys: Mapping[str, Any]) -> dict[str, Any]:
-    """A document with dotted keys set, or taken out where the new value is None.
+    """A document with dotted keys set, or removed where the new value is None.
 
     Raises
     ------
     SetupError
-        If a key leads through something that is no table.
+        If a key leads through something that is not a table.
     """
     new = copy.deepcopy(dict(document))
     for dotted, value in keys.items():
@@ -641,7 +633,7 @@ def changed(document: Mapping[str, Any], keys: Mapping[str, Any]) -> dict[str, A
             here = here.setdefault(name, {})
             if not isinstance(here, dict):
                 raise SetupError(
-                    f"{dotted}: {name!r} is no table", hint="A key reads TABLE.NAME, as ball.mass."
+                    f"{dotted}: {name!r} is not a table", hint="Write TABLE.NAME, as in ball.mass."
                 )
         if value is None:
             here.pop(last, None)
@@ -651,19 +643,19 @@ def changed(document: Mapping[str, Any], keys: Mapping[str, Any]) -> dict[str, A
 
 
 def document_of(setup: Setup) -> dict[str, Any]:
-    """The TOML document of a setup: nested dicts of text and numbers, nothing that was not said."""
+    """TOML document of a setup: nested dicts of text and numbers, only given values."""
     camera, wall = setup.camera, setup.wall
-    taped = {
-        "distance_to_wall": _taped(camera.distance_to_wall),
+    measured_lengths = {
+        "distance_to_wall": _measured_text(camera.distance_to_wall),
         "lens": None if camera.lens is None else str(_absolute(camera.lens)),
         "principal_point_on_wall": None
         if camera.principal_point_on_wall is None
-        else [_taped(part) for part in camera.principal_point_on_wall],
+        else [_measured_text(part) for part in camera.principal_point_on_wall],
     }
     document: dict[str, Any] = {
-        "camera": _numbers(camera, "capture_fps", "shutter") | taped,
+        "camera": _numbers(camera, "capture_fps", "shutter") | measured_lengths,
         "wall": _numbers(wall, "grid", "fine_grid")
-        | {"ball_plane_offset": _taped(wall.ball_plane_offset)},
+        | {"ball_plane_offset": _measured_text(wall.ball_plane_offset)},
         "ball": None if setup.ball is None else _ball(setup.ball),
         "balls": {name: _ball(ball) for name, ball in setup.balls.items()},
         "pendulum": _pendulum(setup),
@@ -689,10 +681,10 @@ def document_of(setup: Setup) -> dict[str, Any]:
         "model": _model(setup),
         "columns": dict(setup.columns),
     }
-    return {name: kept for name, table in document.items() if (kept := _said(table))}
+    return {name: kept for name, table in document.items() if (kept := _given_only(table))}
 
 
-def _said(table: Any) -> dict[str, Any]:
+def _given_only(table: Any) -> dict[str, Any]:
     return {} if table is None else {k: v for k, v in table.items() if v is not None}
 
 
@@ -715,7 +707,7 @@ def _numbers(table: object, *names: str) -> dict[str, Any]:
     }
 
 
-def _taped(measured: Measured | None) -> str | None:
+def _measured_text(measured: Measured | None) -> str | None:
     return None if measured is None else f"{measured[0]!r} m ± {measured[1]!r} m"
 
 

@@ -16,8 +16,8 @@ from pipelines.measure.chain import (
     FittedClip,
     MeasureOptions,
     fitted_once,
-    remembered,
-    watched,
+    measured_once,
+    tracked_once,
 )
 from pipelines.measure.measurement import ClipMeasurement
 from pipelines.setup.file import CameraSetup, Setup
@@ -130,7 +130,7 @@ def test_a_clip_is_measured_once_for_all_that_is_said_alike(
         asked.append(options)
         return empty_measurement(path)
 
-    measured = remembered(measure)
+    measured = measured_once(measure)
     options = MeasureOptions(setup=Setup(camera=CameraSetup(lens=lens)), ball="jokku", cache=True)
     measured(clip, options, None)
     moved = clip.rename(tmp_path / "b.mp4")
@@ -157,7 +157,7 @@ def test_a_question_is_answered_by_the_whole_measurement_where_there_is_one(
         asked.append(options.wanted)
         return empty_measurement(path)
 
-    measured = remembered(measure)
+    measured = measured_once(measure)
     contact, cor = ("contact_time",), ("cor",)
     for wanted in (contact, contact, None, cor, contact, None):
         measured(clip, MeasureOptions(cache=True, wanted=wanted), None)
@@ -230,8 +230,8 @@ def test_a_clip_is_followed_once_whatever_is_said_of_the_scene(
 
     options = MeasureOptions(cache=True)
     clip: object = AClip()
-    first = watched(clip, 600.0, options, follow)  # type: ignore[arg-type]
-    again = watched(clip, 600.0, replace(options, ball="jokku"), follow)  # type: ignore[arg-type]
+    first = tracked_once(clip, 600.0, options, follow)  # type: ignore[arg-type]
+    again = tracked_once(clip, 600.0, replace(options, ball="jokku"), follow)  # type: ignore[arg-type]
     assert (again.tracks, again.warnings) == (first.tracks, ("damaged",))
-    shown = watched(clip, 600.0, replace(options, ball_at=(3.0, 4.0)), follow)  # type: ignore[arg-type]
+    shown = tracked_once(clip, 600.0, replace(options, ball_at=(3.0, 4.0)), follow)  # type: ignore[arg-type]
     assert shown.tracks != first.tracks

@@ -1,4 +1,4 @@
-"""What a command may read and write is settled before it works; what stops it is told."""
+"""Command wrapper: exit codes, messages, and files that are refused."""
 
 import os
 import signal
@@ -46,7 +46,7 @@ def test_what_is_read_is_never_written(tmp_path: Path) -> None:
     for out in (table, link):
         code, said = invoked("explain", table, "--setup", setup, "--json", out)
         assert code == 2
-        assert "that file is read" in said
+        assert "the same file is an input" in said
     assert table.read_text(encoding="utf-8") == "trial,t_s,x_m,y_m\n"
 
 

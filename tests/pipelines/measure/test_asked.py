@@ -96,9 +96,9 @@ def test_only_what_is_asked_for_is_worked_out(
     assert marches["cor"] > 2
 
 
-@pytest.mark.parametrize(("probability", "told"), [(0.7, True), (0.97, False)])
+@pytest.mark.parametrize(("probability", "warned"), [(0.7, True), (0.97, False)])
 def test_a_kind_of_motion_in_doubt_is_told_with_the_numbers(
-    fitted: FittedClip, probability: float, told: bool
+    fitted: FittedClip, probability: float, warned: bool
 ) -> None:
     info = ClipInfo(
         Path("a.mp4"), "0", 432, 240, 9, "h264", 30.0, True, 0.3, 0, "progressive", 8, None, False
@@ -106,4 +106,4 @@ def test_a_kind_of_motion_in_doubt_is_told_with_the_numbers(
     tracks = replace(fitted.followed.tracks, motion=Motion(MotionKind.STRIKE, probability))
     followed = replace(fitted.followed, tracks=tracks)
     measured = measurement_of(info, followed, quantities_of(fitted))
-    assert any("probability of 0.70 only" in one for one in measured.warnings) is told
+    assert any("probability of only 0.70" in one for one in measured.warnings) is warned

@@ -1,4 +1,4 @@
-"""Scales without a grid: what a camera that looks aslant may do to them."""
+"""Scales without a grid, seen by an oblique camera."""
 
 import math
 from dataclasses import replace
@@ -11,9 +11,9 @@ from calib.solve import LOG_FOCAL_STD
 from metrology import Defaults, UncertaintySource
 from physics.bodies import BALLS
 from pipelines.measure.budget import ClipConditions, systematic_budget
-from pipelines.measure.gravity import as_flown_through
+from pipelines.measure.gravity import with_fitted_slant
 from pipelines.measure.inputs import gather_inputs
-from pipelines.measure.metres import BallScale, SupposedLens, supposed_lens
+from pipelines.measure.metres import AssumedLens, BallScale, assumed_lens
 from pipelines.setup.file import Setup
 from vision.clip.footage import CaptureRate, RateSource
 from vision.tracks import Track, Tracks
@@ -99,10 +99,10 @@ def struck(yaw_rad: float, speed: float, frames: int) -> Tracks:
 def as_shown(tracks: Tracks) -> ClipConditions:
     """The camera as the flight of a jokku ball shows it, filmed at 600 fps."""
     inputs = gather_inputs(Setup(), "jokku", None)
-    lens = supposed_lens(tracks.ball, (240, 448))
+    lens = assumed_lens(tracks.ball, (240, 448))
     rate = CaptureRate(600.0, 0.0, RateSource.OPTION)
     scene = ClipConditions(inputs, rate, None, lens=lens)
-    return as_flown_through(scene, tracks, tracks.ball.time_s)
+    return with_fitted_slant(scene, tracks, tracks.ball.time_s)
 
 
 @pytest.mark.parametrize("yaw_deg", [-18.0, -4.0, 0.0, 18.0])
@@ -128,10 +128,10 @@ def test_a_flight_too_short_to_show_it_leaves_the_slant_of_a_camera_set_up_by_ey
 
 
 def scale_turned(
-    ball: Track, yaw: float, per_px: float, seen_through: SupposedLens | None = None
+    ball: Track, yaw: float, per_px: float, seen_through: AssumedLens | None = None
 ) -> BallScale:
     """The scale of a camera turned towards +x, which sees the plane recede towards -x."""
-    lens, usual = supposed_lens(ball, (240, 448)), ball.centre_px[20]
+    lens, usual = assumed_lens(ball, (240, 448)), ball.centre_px[20]
     shortened = lens.foreshortening(usual, -yaw)
     growth = math.sin(-yaw) / (shortened * lens.focal_px)
     return BallScale(per_px, usual, usual, 0.0, growth, shortened, seen_through)
@@ -141,7 +141,7 @@ def scale_turned(
 def test_the_eye_of_a_camera_aslant_is_where_it_stands(yaw_deg: float) -> None:
     yaw = math.radians(yaw_deg)
     ball = seen_by(yaw, 0.0)
-    lens = supposed_lens(ball, (240, 448))
+    lens = assumed_lens(ball, (240, 448))
     eye = scale_turned(
         ball, yaw, 0.11 / float(lens.across(ball.centre_px, ball.radius_px)[20]), lens
     ).eye()
@@ -156,7 +156,7 @@ def test_the_eye_of_a_camera_aslant_is_where_it_stands(yaw_deg: float) -> None:
 def test_a_ball_that_looks_smaller_along_its_way_leaves_the_cameras_slant_open(
     yaw_deg: float,
 ) -> None:
-    lens = supposed_lens(seen_by(math.radians(yaw_deg), 0.05), (240, 448))
+    lens = assumed_lens(seen_by(math.radians(yaw_deg), 0.05), (240, 448))
     assert 18.0 < math.degrees(lens.slant_std_rad) < 32.0
 
 
@@ -164,7 +164,7 @@ def test_a_ball_that_looks_smaller_along_its_way_leaves_the_cameras_slant_open(
 def test_a_ball_whose_size_tells_nothing_leaves_the_slant_of_a_camera_set_up_by_eye(
     yaw_deg: float, noise_px: float
 ) -> None:
-    lens = supposed_lens(seen_by(math.radians(yaw_deg), noise_px), (240, 448))
+    lens = assumed_lens(seen_by(math.radians(yaw_deg), noise_px), (240, 448))
     assert lens.slant_std_rad == Defaults.CAMERA_SLANT.std
 
 
@@ -172,7 +172,7 @@ def test_a_camera_square_to_the_plane_stands_behind_the_middle_of_its_picture() 
     ball = seen_by(0.0, 0.0)
     per_px = 3.5 / 560.0
     scale = BallScale(
-        per_px, ball.centre_px[0], ball.centre_px[20], lens=supposed_lens(ball, (240, 448))
+        per_px, ball.centre_px[0], ball.centre_px[20], lens=assumed_lens(ball, (240, 448))
     )
     eye = scale.eye()
     assert eye is not None
@@ -192,7 +192,7 @@ def test_lengths_off_the_axis_of_a_camera_aslant_are_as_long_as_they_are(yaw_deg
     assert along == pytest.approx(0.9 * 12 / 39, rel=0.01)
 
 
-LENS = SupposedLens(np.array([223.5, 119.5]), 560.0, Defaults.CAMERA_SLANT.std)
+LENS = AssumedLens(np.array([223.5, 119.5]), 560.0, Defaults.CAMERA_SLANT.std)
 
 
 def test_a_ball_off_the_axis_is_where_it_is_and_as_large_as_it_is() -> None:

@@ -215,7 +215,7 @@ def test_a_wall_without_a_grid_gives_no_landing(played: tuple[Scene, Shot], tmp_
     result = run("landing", clip, "--ball", "basketball", "--wall-grid", "50mm")
     assert result.exit_code == 4
     assert "grid" in result.output
-    assert "wall's grid is needed" in result.output
+    assert "it needs the wall grid" in result.output
 
 
 @pytest.mark.slow

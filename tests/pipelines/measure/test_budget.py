@@ -22,7 +22,7 @@ from pipelines.measure.budget import (
 )
 from pipelines.measure.impact import find_impact
 from pipelines.measure.inputs import gather_inputs
-from pipelines.measure.metres import BallScale, MetricTracks, radius_share, tracks_in_metres
+from pipelines.measure.metres import BallScale, MetricTracks, radius_relative_std, tracks_in_metres
 from pipelines.setup.file import Setup
 from tests.pipelines.measure.ideal_tracks import Noise, ideal_tracks, known_stroke
 from vision.clip.footage import CaptureRate
@@ -217,7 +217,7 @@ def test_the_zero_of_the_angles_is_a_source_of_the_back_swing() -> None:
 
 def test_the_pivot_is_a_source_of_the_angle_along_both_axes_of_its_doubt() -> None:
     ways = ((0.6, 0.8), (2.4, -1.8))
-    scene = replace(a_scene(a_calibration(0.4, 0.001)), pivot_ways_px=ways)
+    scene = replace(a_scene(a_calibration(0.4, 0.001)), pivot_steps_px=ways)
 
     def first_angle(moved: ClipConditions) -> NDArray[np.float64]:
         scale = BallScale(1e-3, np.array([140.0, 120.0]), np.zeros(2), 0.0, 0.0)
@@ -234,17 +234,17 @@ def test_the_pivot_is_a_source_of_the_angle_along_both_axes_of_its_doubt() -> No
 def test_a_ball_seen_less_clearly_tells_a_scale_less_surely() -> None:
     ball = a_swing().ball
     clean = replace(ball, radius_std_px=np.full(60, 0.07))
-    assert radius_share(clean) == pytest.approx(0.13 / 20.0)
+    assert radius_relative_std(clean) == pytest.approx(0.13 / 20.0)
     unclear = replace(ball, radius_std_px=np.full(60, 0.3))
     # four times what frames state beyond a clean outline's own
-    assert radius_share(unclear) == pytest.approx(1.2 / 20.0, rel=0.05)
+    assert radius_relative_std(unclear) == pytest.approx(1.2 / 20.0, rel=0.05)
 
 
 @pytest.mark.parametrize(
     ("changed", "alike"),
     [
-        ({"arm_share": 1.01}, True),
-        ({"after_share": 0.98}, True),
+        ({"arm_factor": 1.01}, True),
+        ({"after_factor": 0.98}, True),
         ({"normal_sigmas": 1.0}, True),
         ({"gravity": 9.9}, False),
     ],

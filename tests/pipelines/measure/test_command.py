@@ -16,7 +16,7 @@ from metrology import ClipError, SetupError, UnitError, parse_quantity, parse_wi
 from pipelines.cli import app
 from pipelines.measure.budget import Propagation
 from pipelines.measure.chain import MeasureOptions
-from pipelines.measure.checks import LEAST_POWER
+from pipelines.measure.checks import MIN_CHECK_POWER
 from pipelines.measure.impact import disc_contact
 from pipelines.measure.measurement import ClipMeasurement
 from pipelines.setup.file import read_setup
@@ -84,12 +84,12 @@ def test_the_papers_ways_to_the_balls_speed_stand_beside_it(measured: Path) -> N
     beside = document["beside"]
     frames, pendulum = beside["ball_speed_per_frame"], beside["ball_speed_eq7"]
     assert abs(frames["value"] - truth()["ball_speed"]) < 3 * frames["std"]
-    # Eq. 7 lets all of the pendulum's change of speed act on the ball, its weight's share too
+    # Eq. 7 lets all of the pendulum's change of speed act on the ball, gravity included
     assert pendulum["value"] > truth()["ball_speed"]
-    check = next(item for item in document["checks"] if "paper's ways" in item["name"])
-    # they agree; whether they could have told a wrong speed is the check's power, not its wording
+    check = next(item for item in document["checks"] if "paper's methods" in item["name"])
+    # they agree; whether a wrong speed would be detected is the check's power, not its wording
     assert check["passed"] is not False
-    assert (check["passed"] is None) == (check["power"] < LEAST_POWER)
+    assert (check["passed"] is None) == (check["power"] < MIN_CHECK_POWER)
     assert "Eq. 7" in check["statement"]
 
 

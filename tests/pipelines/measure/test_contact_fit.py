@@ -1,4 +1,4 @@
-"""The contact's fit against contacts in closed form, and against what it was told beforehand."""
+"""Contact fit against closed-form contacts, and its priors."""
 
 from dataclasses import replace
 from functools import cache
@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from physics.contact import damping_for_cor
 from pipelines.measure.impact import (
-    FaceWay,
+    FaceHypothesis,
     ImpactView,
     contact_pulse,
     find_impact,
@@ -115,7 +115,7 @@ def test_the_stated_offset_holds_as_often_as_it_says() -> None:
 def test_a_face_is_tried_finely_enough_for_the_push_and_at_no_more_places_than_that(
     std: float,
 ) -> None:
-    way = FaceWay(0.04, std)
+    way = FaceHypothesis(0.04, std)
     offsets = way.offsets
     assert 19 <= len(offsets) <= 101
     assert offsets[[0, -1]] == pytest.approx([0.04 - 3.0 * std, 0.04 + 3.0 * std])

@@ -12,20 +12,20 @@ from metrology import NotFoundError
 from pipelines.measure.budget import DERIVED, derived_values, random_covariance
 from pipelines.measure.flight_fit import flight_end
 from pipelines.measure.impact import (
-    NEAR_SHARE,
+    NEAR_PLANE_FRACTION,
     STEEL,
-    FaceTold,
+    FaceEvidence,
     Impact,
     departure,
     find_impact,
     fit_contact,
+    next_strike_time,
     offset_of_face,
-    strikes_apart,
-    struck_again,
+    other_strikes,
 )
 from pipelines.measure.inputs import Inputs, gather_inputs
 from pipelines.measure.metres import MetricTracks
-from pipelines.measure.results import let_go_at
+from pipelines.measure.results import release_angle
 from pipelines.setup.file import Origin, Setup
 from sample_videos import Shot
 from tests.pipelines.measure.ideal_tracks import Noise, ideal_tracks, known_stroke
@@ -189,7 +189,7 @@ def test_what_swings_on_an_arc_does_not_fly() -> None:
     arc = 0.6 * np.stack([np.sin(turn), 1.0 - np.cos(turn)], axis=1)
     swinging = replace(tracks, ball_m=tracks.rest_m + arc, pivot_m=None)
     inputs = replace(gather_inputs(Setup(), "jokku", None), fall=None)
-    with pytest.raises(NotFoundError, match="does not fly"):
+    with pytest.raises(NotFoundError, match="not in free flight"):
         find_impact(swinging, inputs)
 
 
@@ -210,7 +210,7 @@ def test_a_mass_followed_by_its_near_side_gives_the_speeds_of_its_middle() -> No
     eye = np.array([0.8, -0.1, 3.5])
     inputs = gather_inputs(Setup(), "jokku", None)
     half = 0.5 * (inputs.pendulum.mass / STEEL) ** (1.0 / 3.0)
-    larger = 1.0 + NEAR_SHARE * half / eye[2]
+    larger = 1.0 + NEAR_PLANE_FRACTION * half / eye[2]
     pivot = eye[:2] + larger * (ideal.pivot_m - eye[:2])
     phi = truth(shot)["contact_start"]
     normal_at = float(np.interp(phi, ideal.swing_time_s, ideal.swing_rad))
@@ -250,7 +250,7 @@ def test_a_transfer_curve_that_widens_all_outlines_does_not_lengthen_the_contact
     found, std = measured(wide, "jokku")
     assert found["contact_time"] == pytest.approx(true, abs=0.25 / 600.0)
     # nothing shows how far outlines lie outside where no camera is calibrated
-    blind, sure = measured(replace(wide, by_the_wall=False), "jokku")
+    blind, sure = measured(replace(wide, scaled_by_wall=False), "jokku")
     assert blind["contact_time"] > true + 0.4 / 600.0
     assert std["contact_time"] > 1.2 * sure["contact_time"]
 
@@ -276,7 +276,7 @@ def test_a_contact_that_no_such_ball_can_have_is_withheld_and_a_doubtful_one_dra
     lasts = impact.contact.release_s - impact.contact.onset_s
     assert lasts < impact.view.longest_s < 2.0 * lasts
     middle = 0.5 * (impact.contact.release_s + impact.contact.onset_s)
-    with pytest.raises(NotFoundError, match="stays in touch for"):
+    with pytest.raises(NotFoundError, match="stays in contact for at most"):
         fit_contact(replace(impact.view, longest_s=0.5 * lasts), middle)
     unsure = replace(
         impact.view, face_offset=impact.view.face_offset + 0.004, face_offset_std=0.004
@@ -308,8 +308,8 @@ def test_of_two_strikes_the_first_is_measured_and_the_second_is_noticed() -> Non
     assert derived_values(impact, inputs) == pytest.approx(
         derived_values(alone, inputs), nan_ok=True
     )
-    assert struck_again(twice, impact.last_flight_s) == pytest.approx(later)
-    assert struck_again(once, alone.last_flight_s) is None
+    assert next_strike_time(twice, impact.last_flight_s) == pytest.approx(later)
+    assert next_strike_time(once, alone.last_flight_s) is None
 
 
 def lying_then_flying(first: int, x: float = 50.0, radius: float = 8.0) -> Track:
@@ -345,7 +345,7 @@ def test_another_strike_is_a_like_ball_that_leaves_the_same_place(
     picture = np.zeros((80, 240), np.float32)
     followed = FollowedObject(other)
     tracks = Tracks(lying_then_flying(0), None, picture, (0, 20), others=(followed,))
-    assert strikes_apart(tracks) == ((followed,) if struck else ())
+    assert other_strikes(tracks) == ((followed,) if struck else ())
 
 
 def test_what_disturbs_a_ball_at_rest_is_not_its_departure() -> None:
@@ -536,9 +536,9 @@ def test_the_push_tells_which_holds_of_a_face_seen_and_a_written_angle_that_cont
     tracks, inputs = told_of_a_face(off_m)
     onset = truth(shot)["contact_start"]
     told, ways = offset_of_face(tracks, inputs, scene.ball.radius, onset)
-    assert told is (FaceTold.BOTH if off_m == 0.0 else FaceTold.EITHER)
+    assert told is (FaceEvidence.COMBINED if off_m == 0.0 else FaceEvidence.ALTERNATIVES)
     assert len(ways) == (1 if off_m == 0.0 else 3)
-    assert sum(way.share for way in ways) == pytest.approx(1.0)
+    assert sum(way.fraction for way in ways) == pytest.approx(1.0)
     contact = find_impact(tracks, inputs).contact
     assert contact is not None
     off = contact.face_offset - scene.pendulum.face_offset
@@ -551,13 +551,13 @@ def test_an_angle_of_the_paper_tells_nothing_of_an_arm_that_is_not_its() -> None
     tracks, inputs = told_of_a_face(0.0, arm=1.2)
     onset = truth(shot)["contact_start"]
     told, ways = offset_of_face(tracks, inputs, scene.ball.radius, onset)
-    assert told is FaceTold.SEEN
+    assert told is FaceEvidence.OBSERVED
     assert len(ways) == 2
     assert inputs.rig.launch_angle is not None
     by_hand = replace(inputs.rig.launch_angle, value_from=Origin.SETUP)
     inputs = replace(inputs, rig=replace(inputs.rig, launch_angle=by_hand))
     told, _ = offset_of_face(tracks, inputs, scene.ball.radius, onset)
-    assert told is not FaceTold.SEEN
+    assert told is not FaceEvidence.OBSERVED
 
 
 def test_a_written_angle_that_allows_no_contact_with_what_is_seen_gives_way() -> None:
@@ -569,7 +569,7 @@ def test_a_written_angle_that_allows_no_contact_with_what_is_seen_gives_way() ->
     inputs = replace(inputs, rig=replace(inputs.rig, launch_angle=wrong))
     onset = truth(shot)["contact_start"]
     told, _ = offset_of_face(vague, inputs, scene.ball.radius, onset)
-    assert told is FaceTold.BOTH
+    assert told is FaceEvidence.COMBINED
     impact = find_impact(vague, inputs)
     assert impact.contact is not None
     assert impact.contact.onset_s == pytest.approx(onset, abs=6e-3)
@@ -579,12 +579,12 @@ def test_a_backswing_is_told_only_of_what_swings_below_its_pivot() -> None:
     scene, shot = known_stroke("basketball", 60.0)
     tracks = ideal_tracks(scene, shot, Noise(), first_s=-1.0)
     stiffness = gather_inputs(Setup(), "basketball", None).pendulum_stiffness
-    held = let_go_at(tracks, 1e-3, stiffness)
+    held = release_angle(tracks, 1e-3, stiffness)
     assert held.value == pytest.approx(60.0, abs=0.5)
     assert held.std == pytest.approx(math.degrees(1e-3), rel=0.05)
-    # An arc that is told the wrong way round is that of a pendulum on its head, which hardly moves.
+    # An arc in the wrong direction is that of an inverted pendulum, which hardly moves.
     turned = replace(tracks, swing_rad=np.pi - 1e-3 * (tracks.swing_rad - tracks.swing_rad[0]))
     for known in (stiffness, None):
-        assert let_go_at(turned, 1e-3, known).value is None
+        assert release_angle(turned, 1e-3, known).value is None
     late = replace(tracks, swing_rad=tracks.swing_rad + math.radians(20.0))
-    assert let_go_at(late, 1e-3, stiffness).value is None
+    assert release_angle(late, 1e-3, stiffness).value is None

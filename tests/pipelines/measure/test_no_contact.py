@@ -57,7 +57,7 @@ def results(
     change: Callable[[Tracks], Tracks],
     early_s: float | None = None,
 ) -> Results:
-    """What is told of a strike, or of one whose contact was cut out, after a change."""
+    """Results of a strike, or of one whose contact was cut out, after a change."""
     tracks = tracks_as_planned() if early_s is None else struck_at_once(*planned(), early_s)
     inputs = inputs_as_planned()
     assert inputs.ball is not None
@@ -137,7 +137,7 @@ def test_where_the_mass_is_hardly_seen_after_the_contact_the_flight_alone_is_tol
     found = told(monkeypatch, blurred)
     for name in ("cor_speeds", "cor", "pendulum_speed_after", "energy_loss", "contact_start"):
         assert found[name].value is None
-        assert "not seen well enough" in str(found[name].reason)
+        assert "not resolved" in str(found[name].reason)
     assert found["ball_speed"].value is not None
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from metrology import Quantity
-from pipelines.measure.files import harmless, measurement_as_dict, report_input
-from pipelines.measure.measurement import ClipMeasurement, proviso
+from pipelines.measure.files import measurement_as_dict, report_input, without_formulas
+from pipelines.measure.measurement import ClipMeasurement, motion_warning
 from vision.clip.footage import CaptureRate, RateSource
 from vision.clip.picture import ClipInfo
 from vision.tracks import FollowedObject, Motion, MotionKind, MotionModel, Track, Tracks
@@ -15,7 +15,7 @@ from vision.tracks import FollowedObject, Motion, MotionKind, MotionModel, Track
 
 @pytest.mark.parametrize("name", ["=cmd|'/c calc'!A0.mp4", "+1.mp4", "-1.mp4", "@SUM(A1).mp4"])
 def test_a_clips_name_is_no_formula(name: str) -> None:
-    row = harmless({"clip": name, "ball_speed_m_s": -1.5, "reason_cor": "a = b"})
+    row = without_formulas({"clip": name, "ball_speed_m_s": -1.5, "reason_cor": "a = b"})
     assert row == {"clip": f"'{name}", "ball_speed_m_s": -1.5, "reason_cor": "a = b"}
 
 
@@ -57,18 +57,18 @@ def test_the_report_tells_what_was_seen_why_and_how_to_point_at_another() -> Non
     missing = Quantity.missing("gravity_check", "m/s^2", "none")
     measured = ClipMeasurement(info, rate, (), (), missing, (), (), seen_twice(), None, None, None)
     told = dict(report_input(measured, None).seen)
-    assert told["flight, probability 0.70"] == "It flies freely. Beside it: none 0.29."
-    assert told["taken for the ball"] == "Its outline is whole."
+    assert told["flight, probability 0.70"] == "It flies freely. Alternatives: none 0.29."
+    assert told["ball"] == "Its outline is whole."
     # the clearest frame of each
-    assert told["ball_2"].endswith("It is less clear. If it is the ball: --ball-at 102,30,12.")
+    assert told["ball_2"].endswith("It is less clear. If this is the ball: --ball-at 102,30,12.")
     assert told["also moves"].startswith("shadow of another object. It only dims.")
     assert measurement_as_dict(measured)["others"][0]["ball_at"] == [102, 30, 12]
 
 
 def test_numbers_of_a_kind_of_motion_in_doubt_come_with_a_proviso() -> None:
     beside = ((MotionKind.FLIGHT, 0.25), (MotionKind.NONE, 0.049), (MotionKind.DROP, 0.001))
-    (said,) = proviso(Motion(MotionKind.SWING, 0.7, alternatives=beside))
-    assert "a swing with a probability of 0.70 only (beside it: flight 0.25, none 0.05)" in said
-    assert proviso(Motion(MotionKind.SWING, 0.96, alternatives=beside)) == ()
-    # where nothing is told of a motion nothing needs a proviso
-    assert proviso(Motion(MotionKind.NONE, 0.6, alternatives=beside)) == ()
+    (said,) = motion_warning(Motion(MotionKind.SWING, 0.7, alternatives=beside))
+    assert "a swing with a probability of only 0.70 (alternatives: flight 0.25, none 0.05)" in said
+    assert motion_warning(Motion(MotionKind.SWING, 0.96, alternatives=beside)) == ()
+    # without a motion there is nothing to warn about
+    assert motion_warning(Motion(MotionKind.NONE, 0.6, alternatives=beside)) == ()

@@ -8,14 +8,14 @@ from metrology import Contribution, Quantity
 from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
 from physics.contact import simulate_contact
 from pipelines.measure.checks import (
+    apply_contradictions,
     ball_size,
-    contact_doubted,
-    doubted,
-    gravity_share,
+    compare_speeds,
+    contact_contradiction,
+    eq7_gravity_excess,
     passive_contact,
     pendulum_length,
     speed_by_pendulum,
-    speeds_agree,
 )
 from pipelines.measure.inputs import gather_inputs
 from pipelines.report import Check, CheckKind, CheckOutcome
@@ -27,7 +27,7 @@ def test_eq_7_less_the_share_of_gravity_is_the_balls_speed() -> None:
     out = history.outcome
     mass = JOKKU.mass
     by_pendulum = speed_by_pendulum(PAPER_PENDULUM, mass, 3.0, float(out.pendulum_speed_after))
-    share = gravity_share(
+    share = eq7_gravity_excess(
         PAPER_PENDULUM,
         mass,
         float(history.phi.mean()),
@@ -46,7 +46,7 @@ def found(**values: tuple[float, float]) -> dict[str, Quantity]:
 
 
 def test_speeds_that_agree_pass() -> None:
-    check = speeds_agree(
+    check = compare_speeds(
         found(
             ball_speed=(3.80, 0.005),
             ball_speed_per_frame=(3.78, 0.02),
@@ -59,7 +59,7 @@ def test_speeds_that_agree_pass() -> None:
 
 
 def test_a_contact_at_its_bound_is_doubted_where_the_pendulum_did_not_lose_the_momentum() -> None:
-    speeds = speeds_agree(
+    speeds = compare_speeds(
         found(
             ball_speed=(4.13, 0.02),
             ball_speed_per_frame=(4.12, 0.05),
@@ -69,20 +69,20 @@ def test_a_contact_at_its_bound_is_doubted_where_the_pendulum_did_not_lose_the_m
     )
     assert speeds is not None
     at_the_bound = Check(CheckKind.CONTACT_BOUND, CheckOutcome.UNDECIDED, "29.6 ms of 29 ms", 0.4)
-    doubt = contact_doubted(speeds, at_the_bound)
+    doubt = contact_contradiction(speeds, at_the_bound)
     assert doubt is not None
     lasting = {"contact_time": Quantity.measured("contact_time", 0.0296, "s", ())}
-    assert doubted(lasting, [doubt])["contact_time"].value is None
+    assert apply_contradictions(lasting, [doubt])["contact_time"].value is None
     # a contact that is surely possible may be right though the pendulum's inertia is not
     possible = Check(CheckKind.CONTACT_BOUND, CheckOutcome.PASSED, "15 ms of 29 ms", 1.0)
-    assert contact_doubted(speeds, possible) is None
+    assert contact_contradiction(speeds, possible) is None
 
 
 @pytest.mark.parametrize(
     ("per_frame", "eq7"), [(3.6, 4.2), (3.79, 6.0)], ids=["frames", "pendulum"]
 )
 def test_speeds_that_disagree_are_told(per_frame: float, eq7: float) -> None:
-    check = speeds_agree(
+    check = compare_speeds(
         found(
             ball_speed=(3.80, 0.005),
             ball_speed_per_frame=(per_frame, 0.02),
@@ -93,8 +93,8 @@ def test_speeds_that_disagree_are_told(per_frame: float, eq7: float) -> None:
     assert check is not None
     assert check.check.passed is False
     assert "disagree" in check.check.statement
-    doubted = check.flight_apart if eq7 < 5.0 else check.pendulum_apart
-    assert doubted == pytest.approx((3.80 - per_frame if eq7 < 5.0 else eq7 - 0.3 - 3.80) / 3.80)
+    difference = check.flight_difference if eq7 < 5.0 else check.pendulum_difference
+    assert difference == pytest.approx((3.80 - per_frame if eq7 < 5.0 else eq7 - 0.3 - 3.80) / 3.80)
 
 
 def test_speeds_too_unsure_to_disagree_say_so() -> None:
@@ -104,7 +104,7 @@ def test_speeds_too_unsure_to_disagree_say_so() -> None:
         ball_speed_eq7=(4.80, 0.9),
         eq7_by_gravity=(0.30, 0.01),
     )
-    check = speeds_agree(speeds)
+    check = compare_speeds(speeds)
     assert check is not None
     assert check.check.outcome is CheckOutcome.UNDECIDED
 
@@ -113,7 +113,7 @@ def test_without_a_pendulum_only_the_frames_are_compared() -> None:
     speeds = found(ball_speed=(3.80, 0.005), ball_speed_per_frame=(3.79, 0.02))
     for name in ("ball_speed_eq7", "eq7_by_gravity"):
         speeds[name] = Quantity.missing(name, "m/s", "no pendulum")
-    check = speeds_agree(speeds)
+    check = compare_speeds(speeds)
     assert check is not None
     assert check.check.passed is True
     assert "Eq. 7" not in check.check.statement
@@ -129,11 +129,11 @@ def test_a_ball_of_another_size_than_it_is_said_to_have_is_told_and_its_contact_
     agrees = ball_size(0.2465, 0.005, 0.2459, values)
     assert agrees is not None
     assert agrees.check.outcome is CheckOutcome.PASSED
-    assert not agrees.doubts
+    assert not agrees.contradictions
     small = ball_size(0.2459, 0.005, 0.27, values)
     assert small is not None
     assert small.check.outcome is CheckOutcome.FAILED
-    left = doubted(values, small.doubts)
+    left = apply_contradictions(values, small.contradictions)
     assert left["contact_time"].value is None
     assert left["ball_speed"].std == pytest.approx(3.8 * (1 - 0.2459 / 0.27), rel=0.05)
     # an outline known to a twentieth can't tell
@@ -151,7 +151,7 @@ def test_an_arm_that_is_not_the_papers_puts_in_doubt_what_hangs_on_its_inertia(
     held = pendulum_length(longer * length, inputs)
     names = ("energy_loss", "cor_launch", "cor_speeds", "ball_speed")
     sure = {name: Quantity.measured(name, 1.0, "1", ()) for name in names}
-    found = doubted(sure, held.doubts)
+    found = apply_contradictions(sure, held.contradictions)
     if abs(math.log(longer)) < 0.1:
         assert held.check.outcome is CheckOutcome.PASSED
         assert found == sure
@@ -168,7 +168,7 @@ def test_an_arm_that_is_not_the_papers_puts_in_doubt_what_hangs_on_its_inertia(
 
 
 @pytest.mark.parametrize(
-    ("cor", "std", "told", "left"),
+    ("cor", "std", "detected", "left"),
     [
         (0.88, 0.01, False, True),
         (1.05, 0.03, False, True),
@@ -177,7 +177,7 @@ def test_an_arm_that_is_not_the_papers_puts_in_doubt_what_hangs_on_its_inertia(
     ],
 )
 def test_a_contact_that_returns_more_speed_than_it_takes_is_not_believed(
-    cor: float, std: float, told: bool, left: bool
+    cor: float, std: float, detected: bool, left: bool
 ) -> None:
     values = {
         name: Quantity.measured(name, value, "1", (Contribution("noise", noise),))
@@ -189,11 +189,11 @@ def test_a_contact_that_returns_more_speed_than_it_takes_is_not_believed(
         ]
     }
     held = passive_contact(values)
-    assert (held is not None) == told
+    assert (held is not None) == detected
     if held is None:
         return
     assert held.check.outcome is CheckOutcome.FAILED
-    found = doubted(values, held.doubts)
+    found = apply_contradictions(values, held.contradictions)
     assert found["launch_angle"] == values["launch_angle"]
     for name in ("cor", "pendulum_speed_before", "ball_speed"):
         assert (found[name].value is not None) == left

@@ -24,7 +24,7 @@ SECONDS = ("contact_time", "ball_speed", "landing_time", "external_impulse", "co
 
 
 def found_at(fps: float, std: float, monkeypatch: pytest.MonkeyPatch) -> Found:
-    """What the chain makes of a stroke filmed at 300 fps, told to be at another rate."""
+    """Results of a strike filmed at 300 fps with another rate given."""
     tracks = replace(tracks_as_planned(), motion=Motion(MotionKind.STRIKE, 0.9))
     source = RateSource.OPTION if math.isfinite(std) else RateSource.ASSUMED
     return measured(tracks, CaptureRate(fps, std, source), grid_for=monkeypatch)
@@ -39,7 +39,7 @@ def test_a_fall_with_a_known_scale_tells_the_rate(monkeypatch: pytest.MonkeyPatc
     assert speed.value is not None
     assert speed.std is not None
     assert abs(speed.value - float(planned()[1].contact.outcome.ball_speed)) < 3.0 * speed.std
-    assert any("FREE FALL" in warning for warning in found.warnings)
+    assert any("Estimated from gravity" in warning for warning in found.warnings)
     gravity = next(one for one in found.results.checks if one.kind is CheckKind.GRAVITY)
     assert gravity.outcome is not CheckOutcome.PASSED
 

@@ -74,9 +74,9 @@ def test_names_from_outside_are_escaped():
 def test_defaults_are_told_where_any_were_taken(page):
     told = ("inertia: 1.579 ± 0.016 kg m² (its uncertainty is a default: <period>)",)
     with_defaults = report_html(replace(example(PIXEL), defaults=told))
-    assert "Taken from the defaults" in with_defaults
+    assert "Default values used" in with_defaults
     assert "is a default: &lt;period&gt;)" in with_defaults
-    assert "Taken from the defaults" not in page
+    assert "Default values used" not in page
 
 
 def test_nothing_is_fetched(page):
@@ -130,4 +130,4 @@ def test_what_was_seen_is_told_and_escaped(page):
     told = (("strike, probability 0.98", "It lay still & <left>."),)
     with_seen = report_html(replace(example(PIXEL), seen=told))
     assert "<b>strike, probability 0.98</b>: It lay still &amp; &lt;left&gt;." in with_seen
-    assert "What was seen" not in page
+    assert "Objects and motion" not in page

@@ -153,8 +153,8 @@ def test_an_unknown_key_names_the_nearest(text: str, nearest: str) -> None:
     ("text", "typed", "advice"),
     [
         ('[scatter]\ncor = "abc"', "'abc'", "Write a number there, without quotes."),
-        ("ball = 3", "'3'", "Write a table: its name in brackets, and a line for each key."),
-        ("[ball]\nfoo = 1", "foo", "Correct the key, or take its line out."),
+        ("ball = 3", "'3'", "Write a table: its name in brackets, then a line for each key."),
+        ("[ball]\nfoo = 1", "foo", "Correct the key, or delete its line."),
     ],
 )
 def test_a_mistake_is_shown_with_what_to_do(text: str, typed: str, advice: str) -> None:

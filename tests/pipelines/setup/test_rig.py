@@ -158,7 +158,7 @@ def test_a_setup_is_edited_through_the_same_door() -> None:
     for keys, said in (
         ({"ball.mass": "50 tonnes"}, "mass"),
         ({"ball.mas": "1 kg"}, "nearest is 'mass'"),
-        ({"wall.grid.pitch": 1}, "no table"),
+        ({"wall.grid.pitch": 1}, "not a table"),
     ):
         with pytest.raises(SetupError, match=said):
             setup.having(keys)

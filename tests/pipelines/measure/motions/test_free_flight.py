@@ -123,7 +123,7 @@ def test_what_is_carried_does_not_fall_alike_in_both_halves() -> None:
         found = fit_free_flight(path, FreeFlightPriors(0.0, 1e-2, 0.0))
     except MeasurementError:
         return
-    assert found.halves_apart > 4.0 or len(found.path.time) < 45
+    assert found.halves_difference > 4.0 or len(found.path.time) < 45
 
 
 def test_five_frames_are_too_few() -> None:
@@ -191,7 +191,7 @@ def test_what_a_calibration_leaves_open_moves_fall_speed_and_angle_as_far_as_it_
 
     assert share("fall_acceleration", pitch) == pytest.approx(0.02 * G, rel=0.02)
     assert share("flight_speed", pitch) == pytest.approx(0.02 * 4.0, rel=0.02)
-    # which way is down is told by the fall itself, a little by the picture
+    # the vertical follows from the fall itself, and a little from the picture
     assert share("flight_angle", pitch) < 0.01
     assert share("flight_angle", roll) < 0.5
     for name, true in (("fall_acceleration", G), ("flight_speed", 4.0), ("flight_angle", 20.0)):

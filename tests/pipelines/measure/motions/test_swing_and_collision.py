@@ -122,7 +122,7 @@ def test_speeds_and_restitution_of_two_pucks() -> None:
     assert found.other_before.speed[0] == pytest.approx(3.2, abs=0.02)
     assert found.after.speed[0] == pytest.approx(0.5 * (1 + COR) * along, abs=0.02)
     assert abs(found.cor - COR) < 2.5 * found.cor_std
-    assert found.momentum_apart < 3.0
+    assert found.momentum_change < 3.0
 
 
 def test_intervals_of_the_restitution_hold_the_truth_as_often_as_they_say() -> None:
@@ -148,10 +148,10 @@ def test_a_puck_that_is_pushed_does_not_keep_momentum() -> None:
         struck.frame, struck.time_s, pushed, struck.covariance_px2, struck.bound_px2,
         struck.radius_px, struck.radius_std_px, struck.quality,
     )  # fmt: skip
-    assert fit_collision(moved, striker, MEETS, np.arange(80.0)).momentum_apart > 4.0
+    assert fit_collision(moved, striker, MEETS, np.arange(80.0)).momentum_change > 4.0
 
 
 def test_a_puck_seen_on_one_side_only_is_refused() -> None:
     struck, striker = met(0.05, 0)
-    with pytest.raises(TooLittleDataError, match="after they meet"):
+    with pytest.raises(TooLittleDataError, match="after the collision"):
         fit_collision(struck, striker.where(striker.frame < 41), MEETS, np.arange(80.0))
