@@ -1,4 +1,4 @@
-"""A plain wall-grid renderer for tests: a supersampled line grid through any camera, with noise."""
+"""Render a supersampled wall grid through any camera, with noise."""
 
 import cv2
 import numpy as np

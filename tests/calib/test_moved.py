@@ -1,4 +1,4 @@
-"""A camera that moved is noticed; one that did not is left in peace."""
+"""A moved camera is detected; a fixed camera is not reported."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ from metrology import CalibrationError
 from tests.calib.synthetic import rendered
 
 
-def test_a_moved_camera_is_noticed() -> None:
+def test_a_moved_camera_is_detected() -> None:
     lens = Lens.centred(432, 240, 520.0)
     here = Camera.facing_wall(lens, [0.9, 0.5, 2.5], yaw=0.05)
     bumped = Camera.facing_wall(lens, [0.9, 0.5, 2.5], yaw=0.05 + 3.1 / 520.0)

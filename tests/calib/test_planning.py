@@ -1,4 +1,4 @@
-"""Planned pictures: noise by light, edges by noise, and a grid as it will be seen."""
+"""Planned images: noise from light, edge noise, and visibility of the grid."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ def camera(width: int = 640, distance: float = 3.5) -> Camera:
     return Camera.facing_wall(lens, [1.0, 0.6, distance], yaw=0.02)
 
 
-def test_less_light_and_a_shorter_shutter_are_noisier() -> None:
+def test_less_light_and_a_shorter_shutter_give_more_noise() -> None:
     good = PictureNoise.by_light(1.0, 1e-3).gray_std
     assert good == pytest.approx(1.3, rel=0.2)
     assert PictureNoise.by_light(0.25, 1e-3).gray_std == pytest.approx(2.0 * good, rel=0.15)
@@ -52,7 +52,7 @@ def test_a_planned_grid_gives_the_camera_back() -> None:
     assert wall == pytest.approx(grid.nodes, abs=0.01)
 
 
-def test_more_pixels_and_a_known_lens_leave_less_open() -> None:
+def test_more_pixels_and_a_known_lens_reduce_the_uncertainty() -> None:
     def open_distance(grid_camera: Camera, *, known: bool = False) -> float:
         prior = board_lens(grid_camera.lens) if known else None
         return float(np.sqrt(calibrate(planned_grid(grid_camera), lens=prior).covariance[5, 5]))
@@ -62,13 +62,13 @@ def test_more_pixels_and_a_known_lens_leave_less_open() -> None:
     assert open_distance(camera(), known=True) < 0.1 * plain
 
 
-def test_a_lens_by_its_view() -> None:
+def test_a_lens_given_by_its_field_of_view() -> None:
     lens = lens_of_view(640, 360, np.radians(60.0))
     left, right = lens.undistort(lens.from_pixels([[0.0, 179.5], [639.0, 179.5]]))[:, 0]
     assert np.degrees(np.arctan(right) - np.arctan(left)) == pytest.approx(60.0)
 
 
-def test_what_will_show_no_grid_is_refused() -> None:
+def test_a_view_without_a_grid_is_refused() -> None:
     with pytest.raises(CalibrationError, match="px apart"):
         planned_grid(camera(128, 4.5))
     with pytest.raises(CalibrationError, match="crossings"):

@@ -1,4 +1,4 @@
-"""Camera, lens and ball plane from the grid and other evidence, honestly uncertain."""
+"""Camera, lens and ball plane from grid and other evidence, with uncertainty."""
 
 from dataclasses import replace
 
@@ -101,7 +101,7 @@ def test_positions_on_the_ball_plane(tape: bool, ball: bool, fall: bool, limit: 
 
 
 @pytest.mark.slow
-def test_predicted_uncertainty_is_the_actual_scatter() -> None:
+def test_predicted_uncertainty_is_the_actual_standard_deviation() -> None:
     """A hundred calibrations: predicted against actual standard deviation of a landing point."""
     camera = wide_camera()
     place, errors, predicted = landing(camera), [], []
@@ -179,7 +179,7 @@ def test_a_wrong_input_is_named() -> None:
     assert "one of these is wrong: measured ball plane offset, pitch" in scene.warnings[0]
 
 
-def test_an_axis_foot_on_the_wrong_side_is_left_out() -> None:
+def test_an_axis_foot_on_the_wrong_side_is_excluded() -> None:
     rng = np.random.default_rng(4)
     camera = wide_camera()
     grid = seen_grid(camera, 0.2, rng)
@@ -195,7 +195,7 @@ def test_an_axis_foot_on_the_wrong_side_is_left_out() -> None:
 
 
 @pytest.mark.parametrize("wrong_by", [-0.1, 0.1])
-def test_where_either_input_may_be_wrong_the_answer_says_how_far(wrong_by: float) -> None:
+def test_contradictory_inputs_are_reported_with_their_difference(wrong_by: float) -> None:
     rng = np.random.default_rng(4)
     camera = wide_camera()
     grid = seen_grid(camera, 0.2, rng)
@@ -217,7 +217,7 @@ def test_a_wrong_pitch_contradicts_the_ball() -> None:
     assert "pitch of the grid" in scene.warnings[0]
 
 
-def test_a_mirrored_wall_is_no_camera() -> None:
+def test_a_mirrored_wall_is_refused() -> None:
     rng = np.random.default_rng(5)
     grid = seen_grid(wide_camera(), 0.2, rng)
     mirrored = replace(grid, points_px=grid.points_px * [-1, 1] + [639, 0])
@@ -238,7 +238,7 @@ def growing_outlines(
     return BallOutlines(centre, radius + off, np.full(200, 0.02), diameter, common)
 
 
-def test_how_the_outline_grows_off_the_axis_tells_the_focal_length() -> None:
+def test_the_growth_of_the_outline_off_axis_gives_the_focal_length() -> None:
     rng = np.random.default_rng(5)
     errors, stds = [], []
     for _ in range(8):
@@ -254,7 +254,7 @@ def test_how_the_outline_grows_off_the_axis_tells_the_focal_length() -> None:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.8])
-def test_lines_that_are_off_as_a_whole_widen_what_the_grid_leaves_open(share: float) -> None:
+def test_common_errors_of_lines_increase_the_uncertainty(share: float) -> None:
     """Errors shared along a line do not average out over its crossings."""
     camera = wide_camera()
     normalised = []
@@ -289,7 +289,7 @@ def test_lines_that_are_off_as_a_whole_widen_what_the_grid_leaves_open(share: fl
 
 
 @pytest.mark.parametrize("share", [0.0, 0.7])
-def test_patches_that_are_off_as_a_whole_bend_no_lens_unnoticed(share: float) -> None:
+def test_common_errors_of_patches_are_detected_in_the_lens(share: float) -> None:
     """What passes before the wall puts all crossings near it aside alike."""
     camera = wide_camera()
     normalised = []

@@ -1,4 +1,4 @@
-"""A fall as a further input, and scenes that can not be."""
+"""A fall as additional evidence, and impossible scenes."""
 
 from dataclasses import dataclass, replace
 
@@ -104,7 +104,7 @@ def fall(solved: Solved, scene: Scene, std: float = 0.01, factor: float = 1.0) -
 
 
 @pytest.mark.parametrize("where", ["flight", "middle of the picture"])
-def test_a_fall_narrows_the_scale_where_nothing_is_taped(
+def test_a_fall_narrows_the_scale_without_measured_distances(
     untaped: Solved, scene: Scene, where: str
 ) -> None:
     before = scale_std(untaped.calibration, scene)
@@ -124,7 +124,7 @@ def test_a_fall_measured_too_fast_pulls_the_scale(untaped: Solved, scene: Scene)
     assert length_error(fused, scene) == pytest.approx(-0.01, abs=0.002)
 
 
-def test_a_fall_that_contradicts_the_tape_is_told_and_left_out(scene: Scene) -> None:
+def test_a_fall_that_contradicts_a_measured_distance_is_reported_and_excluded(scene: Scene) -> None:
     evidence = replace(scene.taped, ball_plane_offset=Known(DEPTH - 0.15, TAPE))
     wrong = solve(scene.grid, evidence)
     assert wrong.calibration.warnings == ()
@@ -138,7 +138,7 @@ def test_a_fall_that_contradicts_the_tape_is_told_and_left_out(scene: Scene) -> 
     assert "capture rate" in told
 
 
-def test_a_fall_that_agrees_is_silent(scene: Scene) -> None:
+def test_a_consistent_fall_gives_no_warning(scene: Scene) -> None:
     taped = solve(scene.grid, scene.taped)
     fused = taped.weighing(replace(fall(taped, scene), px=None))
     assert fused.contradiction is None
@@ -150,7 +150,7 @@ def test_a_fall_upwards_is_refused(untaped: Solved) -> None:
         untaped.weighing(SeenFall(Known(-0.2, 0.1), GRAVITY))
 
 
-def test_a_fall_is_asked_for_where_tape_does_not_tell_the_scale(scene: Scene) -> None:
+def test_a_fall_is_requested_if_distances_do_not_give_the_scale(scene: Scene) -> None:
     asked: list[Calibration] = []
 
     def see(calibration: Calibration) -> None:
@@ -162,7 +162,7 @@ def test_a_fall_is_asked_for_where_tape_does_not_tell_the_scale(scene: Scene) ->
     assert len(asked) == 1
 
 
-def test_the_pitch_enters_where_it_is_the_scale(scene: Scene) -> None:
+def test_the_grid_spacing_enters_the_budget_if_it_is_the_scale(scene: Scene) -> None:
     """A length on the wall is as unsure as the squares it is counted in."""
 
     def on_wall(std: float) -> tuple[float, float]:
@@ -180,7 +180,7 @@ def test_the_pitch_enters_where_it_is_the_scale(scene: Scene) -> None:
     assert on_wall(4e-4)[0] == pytest.approx(2.0 * std, rel=0.1)
 
 
-def test_a_wrong_pitch_shows_in_the_ball() -> None:
+def test_a_wrong_grid_spacing_contradicts_the_ball() -> None:
     def of_pitch(pitch: float) -> Calibration:
         scene = make_scene(pitch=pitch)
         lens = LensPrior(scene.camera.lens, np.array([0.005, 1.0, 1.0, 0.01, 0.01]))

@@ -1,4 +1,4 @@
-"""Capture rate from things in view that keep time."""
+"""Frame rate from objects of known period in view."""
 
 import numpy as np
 import pytest
@@ -14,13 +14,13 @@ def blinking(fps: float, hz: float, seed: int, noise: float = 8.0) -> np.ndarray
 
 
 @pytest.mark.parametrize("fps", [600.0, 585.0, 480.0])
-def test_a_blinking_light_gives_the_rate(fps: float) -> None:
+def test_a_blinking_light_gives_the_frame_rate(fps: float) -> None:
     found = rate_from_blinking(blinking(fps, 31.0, 1), 31.0, nominal_fps=600.0)
     assert abs(found.fps - fps) < 4.0 * found.std + 0.02
     assert found.std < 1.0
 
 
-def test_its_uncertainty_is_its_scatter() -> None:
+def test_its_uncertainty_equals_its_standard_deviation() -> None:
     rng = np.random.default_rng(0)
     time = np.arange(300) / 600.0
     found = []
@@ -31,7 +31,7 @@ def test_its_uncertainty_is_its_scatter() -> None:
     assert np.mean([f.std for f in found]) == pytest.approx(scatter, rel=0.3)
 
 
-def test_what_does_not_blink_is_refused() -> None:
+def test_a_light_that_does_not_blink_is_refused() -> None:
     noise = np.random.default_rng(2).normal(100, 5, 300)
     with pytest.raises(CalibrationError, match="no blinking of"):
         rate_from_blinking(noise, 31.0, nominal_fps=600.0)
@@ -52,7 +52,7 @@ def test_free_fall_gives_the_rate() -> None:
         rate_from_fall(0 * y, np.full(200, 0.001), n, acceleration=9.806)
 
 
-def test_stated_rates_from_falls_hold_the_truth_as_often_as_they_say() -> None:
+def test_frame_rates_from_falls_have_their_nominal_coverage() -> None:
     """400 falls: 68 % within one standard uncertainty, 95 % within two, to four binomial ones."""
     rng = np.random.default_rng(11)
     n = np.arange(60)

@@ -1,4 +1,4 @@
-"""`import impact_vision as iv`: quick to import, results that show themselves, tables that fit."""
+"""The public API: fast import, display of results, tables, input validation."""
 
 import inspect
 import json
@@ -45,7 +45,7 @@ def measured() -> iv.Measurement:
     return iv.measure(CLIP, setup=CLIP.with_suffix(".toml"))
 
 
-def test_importing_it_loads_nothing_heavy() -> None:
+def test_import_loads_nothing_heavy() -> None:
     told = subprocess.run(
         [sys.executable, "-c", "import impact_vision, sys; print(*sorted(sys.modules))"],
         capture_output=True,
@@ -57,7 +57,7 @@ def test_importing_it_loads_nothing_heavy() -> None:
     assert len(told.stdout.split()) < 120
 
 
-def test_every_name_is_there_and_no_other() -> None:
+def test_the_public_names_are_complete() -> None:
     for name in iv.__all__:
         assert getattr(iv, name) is not None
         assert name in dir(iv)
@@ -65,17 +65,17 @@ def test_every_name_is_there_and_no_other() -> None:
         iv.no_such  # noqa: B018
 
 
-def test_it_only_hands_on() -> None:
+def test_the_package_only_re_exports() -> None:
     source = Path(str(iv.__file__)).read_text(encoding="utf-8")
     assert len(source.splitlines()) < 150
 
 
 @pytest.mark.parametrize(("function", "names"), [(iv.measure, MEASURE), (iv.explain, EXPLAIN)])
-def test_signatures_are_the_contracts(function: object, names: list[str]) -> None:
+def test_signatures_are_as_documented(function: object, names: list[str]) -> None:
     assert [*inspect.signature(function).parameters][: len(names)] == names  # type: ignore[arg-type]
 
 
-def test_a_quantity_knows_its_budget(measured: iv.Measurement) -> None:
+def test_a_quantity_has_its_budget(measured: iv.Measurement) -> None:
     speed = measured.ball_speed
     assert speed is measured.quantities["ball_speed"]
     assert float(speed) == speed.value
@@ -88,7 +88,7 @@ def test_a_quantity_knows_its_budget(measured: iv.Measurement) -> None:
     assert budget["share"].sum() == pytest.approx(1.0)
 
 
-def test_a_missing_quantity_says_why_and_is_no_number(measured: iv.Measurement) -> None:
+def test_a_missing_quantity_has_a_reason_and_no_value(measured: iv.Measurement) -> None:
     missing = measured.backswing_angle
     assert missing.value is None
     assert missing.budget.empty
@@ -122,7 +122,7 @@ def test_a_measurement_is_a_document_a_row_a_table_and_a_page(
     assert len(overlay) == document["clip"]["frames"]
 
 
-def test_its_tracks_can_be_explained_without_a_detour(measured: iv.Measurement) -> None:
+def test_its_tracks_can_be_explained_directly(measured: iv.Measurement) -> None:
     setup = CLIP.with_suffix(".toml")
     flight = iv.explain(balls=measured.tracks, setup=setup)
     swing = iv.explain(pendulum=measured.tracks, setup=setup)
@@ -145,7 +145,7 @@ def test_a_clip_is_frames_and_times() -> None:
         clip.frame(len(clip))
 
 
-def test_simulate_plan_and_cor_close_the_circle() -> None:
+def test_simulate_plan_and_cor_are_consistent() -> None:
     planned = iv.plan("2 m", ball="jokku")
     struck = iv.simulate(backswing=planned.backswing_angle.value, ball="jokku")
     assert struck.landing_distance.value == pytest.approx(2.0, abs=0.002)
@@ -176,7 +176,7 @@ def test_a_constant_law_may_be_a_number() -> None:
     assert half.cor_speeds.value == pytest.approx(float(ConstantCor(0.5)(3.0)))
 
 
-def test_what_cannot_be_is_refused_before_any_work() -> None:
+def test_impossible_input_is_refused_before_any_work() -> None:
     with pytest.raises(UsageError, match="grid"):
         iv.measure(CLIP, wall_grid=50.0)
     with pytest.raises(UsageError, match="capture rate"):
@@ -202,7 +202,7 @@ def test_what_cannot_be_is_refused_before_any_work() -> None:
         (iv.Setup().having, "key", "keys"),
     ],
 )
-def test_a_wrong_keyword_is_told_with_the_right_ones(
+def test_a_wrong_keyword_is_refused_with_the_right_ones(
     function: Callable[..., object], keyword: str, meant: str
 ) -> None:
     with pytest.raises(UsageError, match=rf"'{keyword}'.*nearest is '{meant}'") as told:
@@ -211,7 +211,7 @@ def test_a_wrong_keyword_is_told_with_the_right_ones(
     assert listed == {*inspect.signature(function).parameters} - {"self"}
 
 
-def test_too_few_and_too_many_values_are_told_too() -> None:
+def test_too_few_and_too_many_values_are_refused() -> None:
     with pytest.raises(UsageError, match=r"measure: .*'path'"):
         iv.measure()
     with pytest.raises(UsageError, match="plan: too many"):
@@ -240,12 +240,12 @@ def test_too_few_and_too_many_values_are_told_too() -> None:
         (lambda: iv.cor(**{key: [1, 2] for key in COR[1:]}, distance=[1, 2, 3]), "shape"),
     ],
 )
-def test_a_value_of_another_kind_is_told(asked: Callable[[], object], said: str) -> None:
+def test_a_value_of_another_kind_is_refused(asked: Callable[[], object], said: str) -> None:
     with pytest.raises(UsageError, match=re.escape(said)):
         asked()
 
 
-def test_numbers_and_points_may_be_numpys() -> None:
+def test_numbers_and_points_may_be_numpy_types() -> None:
     angle = iv.simulate(backswing=np.float32(90), ball="jokku").backswing_angle.value
     assert angle == pytest.approx(90.0)
     assert iv.Clip(CLIP).frame(np.int64(2)).time_s > 0.0
@@ -263,7 +263,7 @@ def test_a_length_is_a_number_of_any_kind_or_text(length: float | str) -> None:
 
 
 @pytest.mark.parametrize("cache", [True, False])
-def test_whether_earlier_stages_are_taken_up_reaches_the_chain(
+def test_the_cache_option_reaches_the_chain(
     cache: bool, measured: iv.Measurement, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[bool] = []
@@ -277,7 +277,7 @@ def test_whether_earlier_stages_are_taken_up_reaches_the_chain(
     assert asked == [cache]
 
 
-def test_a_given_scale_serves_where_neither_wall_nor_ball_is_known(
+def test_a_given_scale_is_used_without_wall_and_ball(
     measured: iv.Measurement,
 ) -> None:
     """The scale is what the wall gave, the speed to be found is the renderer's."""
@@ -302,7 +302,7 @@ def test_a_given_scale_serves_where_neither_wall_nor_ball_is_known(
     assert not found["landing_distance"].known
 
 
-def test_the_catalogue_and_its_base_class_are_there() -> None:
+def test_the_catalogue_and_its_base_class_are_public() -> None:
     assert "magnus" in iv.effects.CATALOGUE
     assert inspect.isclass(iv.effects.Effect)
 

@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
 
 
-def test_there_are_three() -> None:
+def test_three_clips_are_shipped() -> None:
     assert len(NOTEBOOKS) == 3
 
 
@@ -24,7 +24,7 @@ def test_there_are_three() -> None:
     ],
     ids=lambda path: path.stem,
 )
-def test_a_notebook_runs_and_shows_what_it_holds(
+def test_a_notebook_runs_and_shows_its_results(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", f"{ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")

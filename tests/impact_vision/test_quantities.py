@@ -1,4 +1,4 @@
-"""Quantities as a notebook shows them."""
+"""Display of quantities in a notebook."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from metrology import Contribution, Quantity, UncertaintySource
 FIRST, SECOND = list(UncertaintySource)[:2]
 
 
-def test_the_budget_lists_shares_of_the_variance_largest_first() -> None:
+def test_the_budget_lists_variance_fractions_in_descending_order() -> None:
     lines = (Contribution(FIRST, 3.0), Contribution(SECOND, 4.0))
     view = iv.QuantityView.of(Quantity.measured("ball_speed", 7.0, "m/s", lines))
     assert [*view.budget["source"]] == [str(SECOND), str(FIRST)]

@@ -1,4 +1,4 @@
-"""The README's commands work as they stand, in an empty folder."""
+"""The README's commands run in an empty folder."""
 
 import shlex
 from pathlib import Path
@@ -23,7 +23,9 @@ def run(command: str) -> None:
     assert result.exit_code == 0, result.output
 
 
-def test_what_needs_no_clip_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_readme_commands_without_a_clip_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     quick = [command for command in commands() if command.split()[1] in ("simulate", "plan")]
     assert len(quick) == 2
@@ -40,12 +42,12 @@ def test_all_of_them_run_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert (tmp_path / "strike.html").is_file()
 
 
-def test_how_plain_vision_comes_about_is_said_before_it_is_used() -> None:
+def test_the_readme_explains_plain_vision_before_using_it() -> None:
     text = README.read_text(encoding="utf-8")
     assert text.index("source .venv/bin/activate") < text.index("\nvision ")
 
 
-def test_the_docs_load_nothing_from_elsewhere() -> None:
+def test_the_docs_load_no_external_resource() -> None:
     site = (README.parent / "mkdocs.yml").read_text(encoding="utf-8")
     assert "http" not in site
     docs = README.parent / "docs"

@@ -1,3 +1,5 @@
+"""Compiled functions and the deferred import of the compiler."""
+
 import resource
 import subprocess
 import sys
@@ -60,7 +62,7 @@ def _at_any_depth(below: Callable[[int], int]) -> list[int]:
     return [below(calls) for calls in range(300)]
 
 
-def test_no_call_with_room_asks_for_memory_in_every_turn() -> None:
+def test_calls_with_a_workspace_allocate_no_memory() -> None:
     most = with_stack_space(lambda: max(_at_any_depth(_below)))
     assert most() < _TURNS // 10
     if sys.version_info < (3, 13):

@@ -1,4 +1,4 @@
-"""What is written is whole or not there; what is read is a small text."""
+"""Files are written completely or not at all; only small texts are read."""
 
 import os
 import stat
@@ -45,7 +45,7 @@ def test_a_pipe_gets_all_that_was_written(tmp_path: Path) -> None:
     assert stat.S_ISFIFO(pipe.stat().st_mode)
 
 
-def test_a_full_device_is_told_and_nothing_is_left() -> None:
+def test_a_full_device_is_reported_and_nothing_is_left() -> None:
     with pytest.raises(OutputError, match="/dev/full"):
         write_text_whole(Path("/dev/full"), "words")
 
@@ -85,7 +85,7 @@ def test_a_failure_leaves_the_old_file_and_no_other(tmp_path: Path) -> None:
     assert left_over(tmp_path) == []
 
 
-def test_a_disk_that_fills_up_while_writing_is_told(tmp_path: Path) -> None:
+def test_a_disk_that_fills_up_is_reported(tmp_path: Path) -> None:
     script = (
         "import resource, signal, sys; from pathlib import Path\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
@@ -105,7 +105,7 @@ def test_a_disk_that_fills_up_while_writing_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["no/such/folder/a.csv", "folder", "n" * 300 + ".csv"])
-def test_what_cannot_be_written_is_refused(tmp_path: Path, name: str) -> None:
+def test_an_output_that_cannot_be_written_is_refused(tmp_path: Path, name: str) -> None:
     (tmp_path / "folder").mkdir()
     with pytest.raises(OutputError):
         write_text_whole(tmp_path / name, "words")
@@ -117,13 +117,15 @@ def test_what_cannot_be_written_is_refused(tmp_path: Path, name: str) -> None:
 @pytest.mark.parametrize(
     ("mark", "encoding"), [("", "utf-8"), ("\ufeff", "utf-8"), ("\ufeff", "utf-16-le")]
 )
-def test_texts_are_read_with_or_without_a_mark(tmp_path: Path, mark: str, encoding: str) -> None:
+def test_texts_are_read_with_or_without_a_byte_order_mark(
+    tmp_path: Path, mark: str, encoding: str
+) -> None:
     path = tmp_path / "setup.toml"
     path.write_bytes((mark + "mass = '1 kg ± 2 g'").encode(encoding))
     assert read_small_text(path) == "mass = '1 kg ± 2 g'"
 
 
-def test_what_is_no_small_text_is_refused_at_once(tmp_path: Path) -> None:
+def test_a_file_that_is_no_small_text_is_refused_at_once(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "large").write_bytes(b"a" * (5 << 20))
     (tmp_path / "bytes").write_bytes(b"\xff\x00\xfe\x81" * 9)
@@ -136,7 +138,7 @@ def test_what_is_no_small_text_is_refused_at_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text", ["a = " + "[" * 20_000, "a = " + "9" * 5000, "a = 1\na = 2", "a = \x01"]
 )
-def test_what_is_no_toml_is_told_in_short(text: str) -> None:
+def test_invalid_toml_is_reported_in_short(text: str) -> None:
     with pytest.raises(SetupError, match=r"lab\.toml") as told:
         parse_toml(text, "lab.toml")
     assert len(str(told.value)) < 400

@@ -1,3 +1,5 @@
+"""Formatting of values with their uncertainty."""
+
 import math
 
 import pytest
@@ -27,7 +29,7 @@ def test_rounding_to_two_digits_of_the_uncertainty(value, std, unit, printed):
     assert format_value(value, std, unit) == printed
 
 
-def test_a_missing_quantity_says_why():
+def test_a_missing_quantity_has_a_reason():
     missing = Quantity.missing("landing_time", "s", "the ball leaves the frame at 0.31 s")
     assert format_quantity(missing) == "not measured: the ball leaves the frame at 0.31 s"
 
@@ -38,7 +40,7 @@ def test_a_measured_quantity_prints_its_combined_uncertainty():
     assert format_quantity(measured) == "6.3612 ± 0.0050 m/s"
 
 
-def test_digits_never_exceed_what_is_known():
+def test_digits_do_not_exceed_the_precision():
     for std in (0.00995, 0.0995, 0.995, 9.95, 99.5, 995.0):
         _, spread = format_pair(1234.5678, std)
         digits = spread.replace(".", "").strip("0")

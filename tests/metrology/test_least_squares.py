@@ -1,4 +1,4 @@
-"""The least-squares door: against closed forms, and responses against fits done anew."""
+"""Least squares compared with closed forms, and responses with new fits."""
 
 import ast
 from pathlib import Path
@@ -37,7 +37,7 @@ def data_of(seed: int) -> FloatArray:
     return np.asarray(2.0 * np.exp(-1.5 * TIME) + 0.3 + noise)
 
 
-def test_a_straight_line_has_the_covariance_of_the_textbook() -> None:
+def test_a_straight_line_has_the_known_covariance() -> None:
     design = np.stack([np.ones_like(TIME), TIME], axis=1) / 0.1
     noise = np.random.default_rng(1).uniform(-0.5, 0.5, len(TIME))
     data = design @ [1.0, -2.0] + noise
@@ -57,7 +57,7 @@ def test_a_stack_of_parameters_gives_the_same_fit_as_one_after_the_other() -> No
 
 
 @pytest.mark.parametrize("moved_by", [1e-4, 0.05])
-def test_moved_data_move_the_fit_as_a_fit_done_anew(moved_by: float) -> None:
+def test_the_response_to_changed_data_equals_a_new_fit(moved_by: float) -> None:
     """Also by five times the noise, with outliers that the loss holds back."""
     data = data_of(3)
     drift = moved_by * (1.0 + TIME)
@@ -71,7 +71,7 @@ def test_moved_data_move_the_fit_as_a_fit_done_anew(moved_by: float) -> None:
     assert np.abs(response.values - anew.values).max() < 0.02 * np.abs(change).max() + 1e-6
 
 
-def test_moved_priors_move_the_fit_as_a_fit_done_anew() -> None:
+def test_the_response_to_changed_priors_equals_a_new_fit() -> None:
     data, spread = data_of(4), [np.inf, 0.02, np.inf]
     near = fit(decay(data), [2.0, 1.5, 0.3], [2.0, 1.4, 0.3], spread, stacked=True)
     anew = fit(decay(data), near.values, [2.0, 1.404, 0.3], spread, stacked=True)
@@ -82,13 +82,13 @@ def test_moved_priors_move_the_fit_as_a_fit_done_anew() -> None:
     assert np.abs(response.values - anew.values).max() < 0.06 * np.abs(change).max()
 
 
-def test_residuals_that_come_or_go_are_refused() -> None:
+def test_residuals_of_varying_number_are_refused() -> None:
     near = fit(decay(data_of(5)), [2.0, 1.5, 0.3], stacked=True)
     with pytest.raises(ValueError, match="repeat the fit"):
         moved_fit(near, lambda values: decay(data_of(5))(values)[1:])
 
 
-def test_outliers_bend_a_soft_minimum_little_and_a_plain_one_much() -> None:
+def test_outliers_affect_a_robust_minimum_little_and_a_plain_one_much() -> None:
     data, start = data_of(4), [2.0, 1.5, 0.3]
     data[10] += 1.0
     plain = minimise(decay(data), start)
@@ -108,12 +108,12 @@ def test_a_minimum_stays_within_its_bounds() -> None:
     assert minimise(decay(data_of(5)), [1.0, 1.0, 0.1]).values[1] > 1.3
 
 
-def test_residuals_that_are_no_numbers_are_refused() -> None:
+def test_non_finite_residuals_are_refused() -> None:
     with pytest.raises(NoFitError):
         minimise(lambda values: np.full(3, np.nan) + values[0], [1.0])
 
 
-def test_a_descent_halves_what_leaps_too_far_and_stops_where_nothing_gains() -> None:
+def test_a_descent_halves_steps_that_are_too_long_and_stops_without_gain() -> None:
     """Newton's step for the root of the arc tangent leaps ever farther away from 1.4 on."""
     looks: list[float] = []
 
@@ -142,7 +142,7 @@ def test_a_descent_halves_what_leaps_too_far_and_stops_where_nothing_gains() -> 
     assert stuck == 1.0
 
 
-def test_nobody_goes_round_the_door() -> None:
+def test_all_modules_use_the_unit_parser() -> None:
     """Fits elsewhere call it; what scipy has for them is asked here alone."""
     root = Path(__file__).parents[2]
     solvers = {"least_squares", "leastsq", "curve_fit"}

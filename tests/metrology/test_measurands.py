@@ -1,4 +1,4 @@
-"""The door for typed numbers: what passes, what is refused, and uncertainties as people write."""
+"""Parsing of numbers with units and uncertainties: accepted and refused."""
 
 import math
 
@@ -19,7 +19,7 @@ KINDS = [kind for kind in vars(measurands).values() if isinstance(kind, Measuran
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
-def test_every_kind_takes_its_example_and_its_ends_and_nothing_beyond(kind: Measurand) -> None:
+def test_every_kind_accepts_its_example_and_limits_and_nothing_beyond(kind: Measurand) -> None:
     given = read_given(kind.example, kind)
     assert kind.lowest <= given.value <= kind.highest
     assert kind.require(kind.lowest) == kind.lowest
@@ -91,6 +91,6 @@ def test_a_scale_is_read_either_way_round(typed: str | float, value: float, std:
 @pytest.mark.parametrize(
     "typed", ["2 mm", "409.9 px", "2 mm/px ± 1 mm", "0 px/m", "3 px/m ± 0", ""]
 )
-def test_what_is_no_scale_is_refused(typed: str) -> None:
+def test_an_invalid_scale_is_refused(typed: str) -> None:
     with pytest.raises((UnitError, DomainError), match="--scale"):
         read_scale(typed, "--scale")

@@ -1,4 +1,4 @@
-"""Unit strings: what is answered from the table of plain units against pint."""
+"""Plain units compared with pint."""
 
 import subprocess
 import sys
@@ -21,7 +21,7 @@ def registry() -> "pint.UnitRegistry[float]":
 
 
 @pytest.mark.parametrize(("unit", "typed"), PLAIN)
-def test_plain_units_are_what_pint_makes_of_them(
+def test_plain_units_agree_with_pint(
     unit: str, typed: str, registry: "pint.UnitRegistry[float]"
 ) -> None:
     expected = registry.Quantity(12.5, registry.parse_units(typed)).to(unit).magnitude

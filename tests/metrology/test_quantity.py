@@ -1,4 +1,4 @@
-"""A quantity's uncertainty is the root sum of squares of its budget (GUM, 5.1.2)."""
+"""Uncertainty as the root sum of squares of the budget (GUM, 5.1.2)."""
 
 import pytest
 
@@ -15,7 +15,7 @@ def test_contributions_add_in_squares() -> None:
     assert isinstance(measured.value, float)
 
 
-def test_what_is_missing_has_no_number_but_a_reason() -> None:
+def test_a_missing_quantity_has_a_reason_instead_of_a_value() -> None:
     missing = Quantity.missing("cor", "1", "no mass")
     assert (missing.value, missing.std, missing.reason) == (None, None, "no mass")
     assert not missing.known

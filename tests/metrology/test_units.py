@@ -1,4 +1,4 @@
-"""Unit strings against the SI brochure and NIST SP 811, and every way to write a number wrong."""
+"""Units compared with the SI brochure and NIST SP 811; invalid numbers."""
 
 import math
 
@@ -38,7 +38,7 @@ from metrology import UnitError, parse_quantity
         (7, "m", 7.0),
     ],
 )
-def test_units_are_the_si_brochures(text: str | float, unit: str, value: float) -> None:
+def test_units_agree_with_the_si_brochure(text: str | float, unit: str, value: float) -> None:
     assert parse_quantity(text, unit) == pytest.approx(value, rel=1e-9)
 
 
@@ -47,7 +47,7 @@ def test_units_are_the_si_brochures(text: str | float, unit: str, value: float) 
     ["", " ", "m", "50 kg", "50 mmm", "1,5 m", "1 m 2", "1e400 m", "nan", "inf m", "0x10 m",
      "1/0 m", "1 m; import os", "--5 m", "1 m^^2", "1 m" * 200],
 )  # fmt: skip
-def test_what_is_no_length_is_refused(text: str) -> None:
+def test_an_invalid_length_is_refused(text: str) -> None:
     with pytest.raises(UnitError, match="is not a quantity in m"):
         parse_quantity(text, "m")
 
@@ -58,7 +58,7 @@ def test_a_number_survives_its_printing(value: float) -> None:
     assert parse_quantity(value, "m") == value
 
 
-def test_an_uncertainty_where_none_is_taken_is_named() -> None:
+def test_an_uncertainty_that_is_not_allowed_is_refused() -> None:
     with pytest.raises(UnitError) as refusal:
         parse_quantity("2 deg ± 0", "rad")
     assert "No uncertainty" in str(refusal.value.hint)

@@ -1,4 +1,4 @@
-"""Gragg–Bulirsch–Stoer extrapolation, written for the tests and shared with nothing."""
+"""Gragg–Bulirsch–Stoer integrator, independent of the package."""
 
 from collections.abc import Callable
 

@@ -1,3 +1,5 @@
+"""Planning of a campaign: back-swing and impact speed for a distance."""
+
 import math
 
 import numpy as np
@@ -29,7 +31,7 @@ def test_striking_as_planned_reaches_the_distance(ball: type(JOKKU), distance: f
     assert reached == pytest.approx(distance, abs=1e-6)
 
 
-def test_the_prediction_interval_holds_what_trials_scatter() -> None:
+def test_the_prediction_interval_covers_single_trials() -> None:
     experiment = Experiment(JOKKU)
     scatter = PlanScatter(math.radians(0.4), math.radians(0.3), 0.006, 0.01, math.radians(0.3))
     plan = plan_distance(experiment, 2.0, scatter=scatter)
@@ -73,7 +75,7 @@ def test_closed_form_and_numerical_path_agree_without_drag() -> None:
     assert np.any(np.abs(difference) > 1e-5)
 
 
-def test_contact_in_time_lands_elsewhere_than_the_papers_launch() -> None:
+def test_time_resolved_contact_lands_elsewhere_than_the_launch_of_ryu_et_al() -> None:
     experiment = Experiment(JOKKU)
     speeds = np.array([1.1, 3.9])
     _, landing = time_resolved_landing(experiment, speeds)

@@ -1,3 +1,5 @@
+"""The pendulum's swing compared with energy balance and small angles."""
+
 import math
 
 import numpy as np
@@ -94,7 +96,7 @@ def test_a_batch_of_swings_meets_the_ball_as_the_solver_does() -> None:
 
 
 @pytest.mark.parametrize("degrees", [0.0, 5.0, 181.0, 360.0, math.nan])
-def test_backswings_that_reach_nothing_are_refused(degrees: float) -> None:
+def test_backswings_without_impact_are_refused(degrees: float) -> None:
     with pytest.raises(DomainError):
         frictionless_speed(PAPER_PENDULUM, math.radians(degrees), math.radians(8.5))
 

@@ -14,7 +14,7 @@ def first_frame(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     return next(iter(frames)).astype(float), truth.frames.mass_px[0]
 
 
-def test_a_bob_is_drawn_where_the_truth_has_it() -> None:
+def test_a_bob_is_rendered_at_its_true_position() -> None:
     scene = default_scene(size=(160, 90), view="impact")
     scene = replace(scene, sensor=replace(scene.sensor, full_well=0.0, read_noise=0.0))
     scene = replace(scene, shutter=replace(scene.shutter, first=-0.03))

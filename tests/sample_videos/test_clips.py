@@ -1,4 +1,4 @@
-"""Clips on disk: what is written, how large, how exact, and what is refused."""
+"""Written clips: contents, size, exactness and refusals."""
 
 import json
 from dataclasses import replace
@@ -50,7 +50,7 @@ def rendered(path: Path, **encoding: object) -> Truth:
     return render_clip(replace(scene, encoding=Encoding(**encoding)), shot, path)
 
 
-def test_lossless_clips_hold_the_very_pixels(tmp_path: Path) -> None:
+def test_lossless_clips_contain_the_exact_pixels(tmp_path: Path) -> None:
     rendered(tmp_path / "a.mkv", codec="ffv1")
     rendered(tmp_path / "b", codec="png")
     film = decoded(tmp_path / "a.mkv")
@@ -59,7 +59,7 @@ def test_lossless_clips_hold_the_very_pixels(tmp_path: Path) -> None:
     assert all(np.array_equal(one, two) for one, two in zip(film, pictures, strict=True))
 
 
-def test_h264_is_near_the_pixels_and_claims_the_rate_asked_for(tmp_path: Path) -> None:
+def test_h264_is_close_to_the_pixels_and_has_the_requested_rate(tmp_path: Path) -> None:
     rendered(tmp_path / "a.mkv", codec="ffv1")
     rendered(tmp_path / "a.mp4", bitrate=2e6, container_fps=25.0)
     with av.open(str(tmp_path / "a.mp4")) as container:
@@ -72,14 +72,14 @@ def test_h264_is_near_the_pixels_and_claims_the_rate_asked_for(tmp_path: Path) -
     assert np.std(luma - wanted) < 6.0
 
 
-def test_a_lower_bitrate_makes_a_smaller_file(tmp_path: Path) -> None:
+def test_a_lower_bitrate_gives_a_smaller_file(tmp_path: Path) -> None:
     for rate in (2e5, 2e6):
         rendered(tmp_path / f"{rate:.0f}.mp4", bitrate=rate)
     small, large = ((tmp_path / f"{rate:.0f}.mp4").stat().st_size for rate in (2e5, 2e6))
     assert small < 0.6 * large
 
 
-def test_the_truth_file_says_what_the_truth_says(tmp_path: Path) -> None:
+def test_the_truth_file_contains_the_truth(tmp_path: Path) -> None:
     truth = rendered(tmp_path / "a.mkv", codec="ffv1")
     read = json.loads(truth_path(tmp_path / "a.mkv").read_text())
     assert set(read["quantities"]) == RESULT_NAMES
@@ -110,7 +110,7 @@ def test_quantities_agree_with_each_other() -> None:
 @pytest.mark.parametrize(
     ("name", "codec"), [("a.avi", "h264"), ("a.mp4", "ffv1"), ("a.txt", "mjpeg"), ("a.png", "png")]
 )
-def test_a_name_that_does_not_go_with_the_codec_is_refused(
+def test_a_suffix_that_does_not_match_the_codec_is_refused(
     tmp_path: Path, name: str, codec: str
 ) -> None:
     with pytest.raises(UsageError, match="does not go with"):
@@ -118,7 +118,7 @@ def test_a_name_that_does_not_go_with_the_codec_is_refused(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_nothing_is_left_where_rendering_fails_half_way(tmp_path: Path) -> None:
+def test_nothing_is_left_after_a_failed_rendering(tmp_path: Path) -> None:
     def frames() -> object:
         yield np.zeros((54, 96, 3), np.uint8)
         raise RuntimeError("the lamp went out")
@@ -131,7 +131,7 @@ def test_nothing_is_left_where_rendering_fails_half_way(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_odd_sizes_and_places_that_are_not_there_are_refused(tmp_path: Path) -> None:
+def test_odd_sizes_and_missing_folders_are_refused(tmp_path: Path) -> None:
     odd = iter([np.zeros((55, 97, 3), np.uint8)])
     with pytest.raises(UsageError, match="can't hold"):
         write_clip(odd, tmp_path / "a.mp4", Encoding())
@@ -145,7 +145,7 @@ def test_odd_sizes_and_places_that_are_not_there_are_refused(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("sample", CLIPS, ids=lambda s: s.name)
-def test_the_clips_that_ship_are_small_and_whole(sample: object) -> None:
+def test_the_shipped_clips_are_small_and_complete(sample: object) -> None:
     clip = FOLDER / f"{sample.name}.mp4"
     assert clip.stat().st_size < 600_000
     truth = json.loads(truth_path(clip).read_text())
@@ -161,7 +161,7 @@ def test_the_clips_that_ship_are_small_and_whole(sample: object) -> None:
     assert setup.ball.name == sample.ball
 
 
-def test_the_same_pictures_are_the_same_clip_at_every_writing(tmp_path: Path) -> None:
+def test_writing_is_reproducible(tmp_path: Path) -> None:
     noise = np.random.default_rng(1)
     scene = cv2.GaussianBlur(noise.integers(0, 256, (134, 260, 3), dtype=np.uint8), (0, 0), 2.0)
     grain = noise.integers(0, 8, (24, 134, 240, 3), dtype=np.uint8)

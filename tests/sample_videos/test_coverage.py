@@ -1,4 +1,4 @@
-"""Analytic coverage against areas and centroids known otherwise."""
+"""Analytic pixel coverage compared with known areas and centroids."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def moments(cover: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, np.pi / 4, 1.4, 2.2, -0.9])
-def test_a_pixel_is_cut_by_a_straight_edge_as_by_a_million_samples(angle: float) -> None:
+def test_the_coverage_of_a_pixel_by_an_edge_equals_a_million_samples(angle: float) -> None:
     rng = np.random.default_rng(3)
     spots = rng.uniform(-0.5, 0.5, (200_000, 2))
     normal = np.array([np.cos(angle), np.sin(angle)])
@@ -41,7 +41,7 @@ def test_a_pixel_is_cut_by_a_straight_edge_as_by_a_million_samples(angle: float)
 
 @pytest.mark.parametrize("k1", [0.0, -0.2])
 @pytest.mark.parametrize("centre", [(0.3, 0.5, 0.45), (-0.21, 0.63, 0.45), (0.9, 0.2, 0.3)])
-def test_the_outline_of_a_sphere_is_where_geometry_puts_it(k1: float, centre: tuple) -> None:
+def test_the_outline_of_a_sphere_agrees_with_geometry(k1: float, centre: tuple) -> None:
     cam = camera(k1)
     grid = PixelGrid.of_lens(cam.lens)
     seen = into_camera(np.array(centre), cam)[np.newaxis, np.newaxis]

@@ -1,4 +1,4 @@
-"""Frames of whole scenes, measured the plain way, against their truth."""
+"""Rendered frames measured by simple methods and compared with their truth."""
 
 import math
 from dataclasses import replace
@@ -83,7 +83,7 @@ def centroid(cover: np.ndarray) -> np.ndarray:
     return np.array([(cover * u).sum(), (cover * v).sum()]) / cover.sum()
 
 
-def test_the_same_seed_is_the_same_clip_and_another_seed_is_not() -> None:
+def test_a_seed_gives_the_same_clip_and_another_seed_another() -> None:
     scene = replace(default_scene(size=(96, 54)), frames=2)
     one, two = (next(render_frames(scene, stroke())[0]) for _ in range(2))
     other = next(render_frames(replace(scene, seed=2), stroke())[0])
@@ -92,7 +92,7 @@ def test_the_same_seed_is_the_same_clip_and_another_seed_is_not() -> None:
 
 
 @pytest.mark.parametrize("k1", [0.0, -0.2])
-def test_a_flying_ball_is_where_the_truth_says(k1: float) -> None:
+def test_a_ball_in_flight_is_rendered_at_its_true_position(k1: float) -> None:
     scene = default_scene(size=(216, 120))
     lens = replace(scene.camera.lens, k1=k1)
     scene = bare(replace(scene, camera=replace(scene.camera, lens=lens), frames=220))
@@ -104,7 +104,7 @@ def test_a_flying_ball_is_where_the_truth_says(k1: float) -> None:
         )
 
 
-def test_a_fast_ball_is_smeared_over_its_way_and_centred_on_mid_exposure() -> None:
+def test_motion_blur_is_centred_on_mid_exposure() -> None:
     scene = bare(default_scene(size=(216, 120)))
     scene = replace(
         scene,
@@ -139,7 +139,7 @@ def test_a_rolling_shutter_sees_lower_rows_later() -> None:
     assert slant[0] / 10 == pytest.approx(speed_px * 0.01 / 119, rel=0.05)
 
 
-def test_a_pressed_ball_ends_where_the_face_is() -> None:
+def test_a_compressed_ball_ends_at_the_face() -> None:
     scene = bare(default_scene(size=(432, 240), view="impact"))
     free, push = moving((0.0, 0.0), (0.0, 0.4)), 0.02
     pressed = replace(free, compression=HermiteCurve.constant([-push, 0.0, 0.0]))
@@ -156,7 +156,7 @@ def test_a_pressed_ball_ends_where_the_face_is() -> None:
     assert found[1][1] == pytest.approx(found[0][1], abs=0.02)
 
 
-def test_the_ball_hides_the_face_or_the_face_the_ball_by_where_the_camera_is() -> None:
+def test_occlusion_of_ball_and_face_depends_on_the_camera() -> None:
     shot = stroke()
     for x, first in ((0.9, "pendulum"), (-0.9, "ball")):
         scene = default_scene(size=(96, 54))
@@ -182,7 +182,7 @@ def test_shadows_darken_the_wall_and_follow_the_ball() -> None:
     assert places[1] > places[0] + 10
 
 
-def test_a_hand_held_camera_moves_the_picture_as_the_truth_says() -> None:
+def test_a_hand_held_camera_moves_the_image_by_its_true_shift() -> None:
     scene = replace(default_scene(size=(216, 120)), frames=60, sensor=CLEAN)
     still = Film(scene, stroke().motion)
     shaken = Film(replace(scene, shake=Shake(bump=(30, 3.0, -2.0))), stroke().motion)
@@ -195,7 +195,7 @@ def test_a_hand_held_camera_moves_the_picture_as_the_truth_says() -> None:
     assert np.abs(moved - kept).mean() < 0.25 * np.abs(two[8:-8, 8:-8] - one[8:-8, 8:-8]).mean()
 
 
-def test_dropped_frames_are_missing_and_time_goes_on() -> None:
+def test_dropped_frames_are_missing_and_times_continue() -> None:
     scene = default_scene(size=(96, 54))
     scene = replace(scene, frames=6, encoding=replace(scene.encoding, dropped=(2, 3)))
     frames, truth = render_frames(scene, stroke())
@@ -211,7 +211,7 @@ def test_a_mirrored_scene_is_the_mirror_image() -> None:
     assert other.frames.ball_px[0, 0] == pytest.approx(95 - truth.frames.ball_px[0, 0])
 
 
-def test_distractors_are_seen_and_move() -> None:
+def test_distractors_are_visible_and_move() -> None:
     scene = replace(default_scene(size=(216, 120)), frames=300)
     room = replace(scene.room, scales=(SwingingScale(),), loose_balls=(LooseBall((1.2, 0.1, 0.3)),))
     plain = Film(scene, stroke().motion).light(10)
@@ -222,7 +222,7 @@ def test_distractors_are_seen_and_move() -> None:
     assert later.max() > 0.05
 
 
-def test_flicker_and_noise_are_as_large_as_asked() -> None:
+def test_flicker_and_noise_have_the_requested_size() -> None:
     scene = default_scene(size=(96, 54))
     lighting = replace(scene.room.lighting, flicker=0.2)
     quiet = replace(
@@ -264,6 +264,6 @@ def test_the_motion_is_continuous_through_contact_and_landing() -> None:
         {"room": Room(plane=0.01)},
     ],
 )
-def test_scenes_that_can_not_be_are_refused(wrong: dict) -> None:
+def test_impossible_scenes_are_refused(wrong: dict) -> None:
     with pytest.raises(UsageError, match="can't be rendered"):
         replace(default_scene(), **wrong)

@@ -1,4 +1,4 @@
-"""Bad pictures of boards, through the command: a clear refusal each, and no file left behind."""
+"""Bad images of calibration boards are refused and leave no file."""
 
 from pathlib import Path
 
@@ -86,7 +86,7 @@ def test_good_pictures_give_a_lens(good: list[str], tmp_path: Path) -> None:
         ([7] * 8, [], "alike"),
     ],
 )
-def test_boards_that_tell_no_lens_are_refused(
+def test_boards_that_do_not_determine_the_lens_are_refused(
     good: list[str],
     tmp_path: Path,
     chosen: slice | list[int],
@@ -109,7 +109,7 @@ def test_a_mirrored_board_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "lens.toml").exists()
 
 
-def test_a_folder_that_can_not_be_written_is_told(good: list[str], tmp_path: Path) -> None:
+def test_a_folder_without_write_permission_is_reported(good: list[str], tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     for folder in (tmp_path / "file", tmp_path / "none"):
         code, words = told(good, folder / "lens.toml")
@@ -117,7 +117,7 @@ def test_a_folder_that_can_not_be_written_is_told(good: list[str], tmp_path: Pat
         assert "can't write" in words
 
 
-def test_what_is_no_picture_is_told(tmp_path: Path) -> None:
+def test_a_file_that_is_no_image_is_refused(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("no picture")
     code, words = told([str(tmp_path / "notes.txt")], tmp_path / "lens.toml")
     assert code == 3, words

@@ -1,4 +1,4 @@
-"""Camera geometry: projections and their inverses, spheres, the projection correction of Fig. 9."""
+"""Camera geometry: projection and inverse, spheres, the correction of Fig. 9."""
 
 import cv2
 import numpy as np

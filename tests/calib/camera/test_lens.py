@@ -1,4 +1,4 @@
-"""Lens from board views: recovered, honest, and refused with the reason."""
+"""Lens calibration from board views: values, uncertainty, refusals."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -55,11 +55,11 @@ def test_the_lens_is_recovered_within_its_uncertainty() -> None:
     assert not found.dropped
 
 
-def test_a_simple_lens_and_a_flat_board_are_taken_as_such() -> None:
+def test_a_simple_lens_and_a_flat_board_are_recognised() -> None:
     assert calibrate_lens([view(seed) for seed in range(12)]).model == LENS_MODELS[0].name
 
 
-def test_a_wide_lens_and_a_bent_board_are_told_by_the_held_out_views() -> None:
+def test_held_out_views_detect_a_wide_lens_and_a_bent_board() -> None:
     wide = Lens(640, 480, 281.0, 282.0, 325.0, 248.0, 0.45, 0.05, 0.0, 0.0, 0.0, 0.75, 0.15)
     views = [view(seed, lens=wide, bulge=0.002, away=0.22) for seed in range(16)]
     found = calibrate_lens(views)
@@ -82,7 +82,7 @@ def test_the_held_out_error_is_that_of_views_the_fit_never_saw() -> None:
     assert np.sqrt((error**2).sum(axis=1).mean()) == pytest.approx(0.137, rel=0.15)
 
 
-def test_the_prior_leaves_a_place_in_the_picture_open_as_the_lens_does() -> None:
+def test_the_prior_of_an_image_position_equals_that_of_the_lens() -> None:
     found = calibrate_lens([view(seed) for seed in range(10)])
     lens, prior = found.lens, found.prior
     assert np.sqrt(np.diag(prior.covariance)) == pytest.approx(prior.std)
@@ -108,7 +108,7 @@ def test_a_bad_view_is_dropped_and_named() -> None:
         ([view(1)] * 8, "alike"),
     ],
 )
-def test_views_that_tell_too_little(views: list[BoardView | None], reason: str) -> None:
+def test_insufficient_views_are_refused(views: list[BoardView | None], reason: str) -> None:
     with pytest.raises(CalibrationError, match=reason) as refusal:
         calibrate_lens(views)
     assert refusal.value.hint

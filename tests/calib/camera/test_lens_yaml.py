@@ -1,4 +1,4 @@
-"""Lens files of OpenCV and ROS: OpenCV itself writes and reads the other side."""
+"""Lens files of OpenCV and ROS, written and read by OpenCV."""
 
 from itertools import pairwise
 
@@ -42,7 +42,7 @@ def test_opencv_reads_what_is_written(tmp_path) -> None:
     assert read_lens(path).std == pytest.approx(STD)
 
 
-def test_what_opencv_and_ros_write_is_read(tmp_path) -> None:
+def test_files_of_opencv_and_ros_are_read(tmp_path) -> None:
     path = tmp_path / "cv.yml"
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
     storage.write("image_width", 1280)

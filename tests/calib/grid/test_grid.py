@@ -1,4 +1,4 @@
-"""The wall grid: found unaided, labelled right, honest about noise, refused where it is none."""
+"""The wall grid: found, numbered, with uncertainty, or refused."""
 
 import json
 from functools import partial
@@ -27,7 +27,7 @@ def labelling_error(grid: WallGrid, camera: Camera) -> tuple[float, np.ndarray]:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_found_at_any_pose_with_the_experiment_in_front(seed: int) -> None:
+def test_a_grid_is_found_at_any_pose_behind_the_experiment(seed: int) -> None:
     camera = some_camera(np.random.default_rng(seed), (432, 240))
     grid = find_wall_grid(rendered(camera, seed=seed, samples=3))
     wrong, normalised = labelling_error(grid, camera)
@@ -46,7 +46,7 @@ def test_found_at_any_pose_with_the_experiment_in_front(seed: int) -> None:
         pytest.param("middle", marks=pytest.mark.slow),
     ],
 )
-def test_half_hidden_by_something_with_a_texture_of_its_own(hidden: str) -> None:
+def test_a_grid_half_hidden_by_a_textured_object(hidden: str) -> None:
     camera = some_camera(np.random.default_rng(101), (432, 240))
     picture = rendered(camera, seed=1, samples=3)
     cover = {
@@ -81,7 +81,7 @@ def test_lines_on_both_sides_of_a_post_are_numbered_as_one_grid(seed: int) -> No
     assert np.count_nonzero(grid.points_px[:, 0] > left + width) > 20
 
 
-def test_lines_that_can_not_be_counted_surely_are_refused() -> None:
+def test_lines_that_cannot_be_numbered_reliably_are_refused() -> None:
     """Hairlines sampled so coarsely that they come and go, with a false rhythm of their own."""
     rng = np.random.default_rng(13)
     cameras = [some_camera(rng, (208, 116)) for _ in range(14)]
@@ -91,7 +91,7 @@ def test_lines_that_can_not_be_counted_surely_are_refused() -> None:
         assert refusal.value.hint
 
 
-def test_a_small_picture_with_fine_lines_that_fold_over_is_counted_right() -> None:
+def test_a_small_image_with_aliased_fine_lines_is_numbered_correctly() -> None:
     """Squares of 3.3 px in one of the clips that ship, fine lines beyond what pixels resolve."""
     clip = Path(__file__).parents[3] / "sample_videos" / "clips" / "jokku_90_small.mp4"
     truth = json.loads(clip.with_suffix(".truth.json").read_text(encoding="utf-8"))
@@ -109,23 +109,21 @@ FOLDED = Camera.facing_wall(Lens.centred(432, 240, 809.3), [0.52, 0.51, 4.6], ya
 
 
 @pytest.mark.parametrize("fine_depth", [0.18, 0.42])
-def test_squares_are_found_behind_fine_lines_that_the_pixels_fold_over(fine_depth: float) -> None:
+def test_squares_are_found_among_aliased_fine_lines(fine_depth: float) -> None:
     wall = partial(line_grid, width=0.002, depth=0.72, fine_depth=fine_depth)
     grid = find_wall_grid(rendered(FOLDED, wall, samples=5, blur=0.3, noise=1.0))
     assert labelling_error(grid, FOLDED)[0] == 0.0
     assert len(grid.nodes) > 150
 
 
-def test_fine_lines_folded_over_by_the_pixels_do_not_pass_for_the_grid() -> None:
+def test_aliased_fine_lines_are_not_taken_for_the_grid() -> None:
     wall = partial(line_grid, pitch=0.01, width=0.001, fine=None)
     with pytest.raises(CalibrationError, match="too fine"):
         find_wall_grid(rendered(FOLDED, wall, samples=5, blur=0.3, noise=1.0))
 
 
 @pytest.mark.parametrize(("order", "expected"), [(5, True), (1, False)])
-def test_overtones_that_the_pixels_fold_over_are_traced_to_their_ground(
-    order: int, expected: bool
-) -> None:
+def test_aliased_harmonics_are_assigned_to_their_fundamental(order: int, expected: bool) -> None:
     ground = GridMap(np.zeros(2), np.ones(2), np.array([0.1136, 0, 0, 0, 0.1137, 0, 0, 0, 0, 0]))
     fold = np.array([[1.0, 0.0], [0.0, 1.0]]) if order == 5 else np.zeros((2, 2))
     waves = order * ground.jacobian(np.zeros(2)) - fold
@@ -195,7 +193,7 @@ def test_bright_lines_on_a_dark_wall(square_camera: Camera) -> None:
     assert np.abs(true - np.round(true)).max() < 0.2
 
 
-def test_the_origin_is_the_users(square_camera: Camera) -> None:
+def test_the_origin_is_the_given_one(square_camera: Camera) -> None:
     grid = find_wall_grid(rendered(square_camera))
     moved = grid.with_origin(grid.points_px[7], (1.0, 0.5), snap=True)
     assert moved.wall_m[7] == pytest.approx([1.0, 0.5])
@@ -231,7 +229,7 @@ def oblongs(xy: np.ndarray) -> np.ndarray:
         (oblongs, "squares"),
     ],
 )
-def test_what_is_no_grid_is_refused_with_the_reason(
+def test_an_image_without_a_grid_is_refused_with_a_reason(
     wall: object, reason: str, square_camera: Camera
 ) -> None:
     with pytest.raises(CalibrationError, match=reason) as refusal:
@@ -240,7 +238,7 @@ def test_what_is_no_grid_is_refused_with_the_reason(
 
 
 @pytest.mark.parametrize("pitch", [6, 14])
-def test_a_few_lines_on_an_even_picture_are_refused_with_a_reason(pitch: int) -> None:
+def test_a_few_lines_on_a_uniform_image_are_refused_with_a_reason(pitch: int) -> None:
     y, x = np.mgrid[0:180, 0:320]
     end = 40 + int(2.6 * pitch)
     lines = ((x % pitch < 1.5) | (y % pitch < 1.5)) & (x >= 40) & (x < end) & (y >= 40) & (y < end)

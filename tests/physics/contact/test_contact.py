@@ -1,3 +1,5 @@
+"""The time-resolved contact: conservation laws and published values."""
+
 import json
 import math
 from dataclasses import replace
@@ -68,7 +70,7 @@ def test_calibration_returns_the_law_and_the_time() -> None:
         np.testing.assert_allclose(out.contact_time, 0.012, rtol=1e-6)
 
 
-def test_an_elastic_contact_keeps_the_energy() -> None:
+def test_an_elastic_contact_conserves_energy() -> None:
     run = simulate_contact(
         PAPER_PENDULUM,
         JOKKU,
@@ -155,7 +157,7 @@ def test_a_rough_support_holds_the_ball_back() -> None:
 
 
 @pytest.mark.parametrize("given_times", [True, False])
-def test_a_foreign_simulators_contacts_come_out(given_times: bool) -> None:
+def test_contacts_of_an_independent_simulator_are_reproduced(given_times: bool) -> None:
     """With its contact times, or with the presets' (which were set after it): all else follows."""
     table = json.loads((shared_folder("concealed_dev") / "01" / "public.json").read_text())
     for name, ball in BALLS.items():
@@ -177,7 +179,7 @@ def test_a_foreign_simulators_contacts_come_out(given_times: bool) -> None:
             np.testing.assert_allclose(getattr(out, field), theirs, atol=near, err_msg=field)
 
 
-def test_one_friction_explains_a_foreign_balls_spin_and_direction() -> None:
+def test_one_friction_coefficient_explains_spin_and_direction_of_an_independent_ball() -> None:
     """The friction that gives a ray-traced clip's spin also gives its launch, to a tenth."""
     truth = json.loads((shared_folder("rendered") / "jokku_120" / "truth.json").read_text())
 

@@ -1,4 +1,4 @@
-"""Which contact times are possible: against an independent integration, and what is known."""
+"""Bounds of the contact time compared with integration and measurements."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def integrated(stiffness: float, exponent: float, mass: float, speed: float) -> 
     return float(found.t[-1])
 
 
-def test_both_ends_are_those_of_the_equations_of_motion() -> None:
+def test_both_ends_satisfy_the_equations_of_motion() -> None:
     ball, face, diameter, speed = 0.353, 5.167, 0.20175, 2.5
     mass = ball * face / (ball + face)
     bound = contact_time_bound(ball, diameter, face, speed)
@@ -44,7 +44,7 @@ def test_both_ends_are_those_of_the_equations_of_motion() -> None:
     [(0.353, 0.20175, 0.0145), (0.605, 0.2459, 0.017), (0.058, 0.066, 0.005), (0.046, 0.043, 5e-4)],
     ids=["jokku", "basketball", "tennis", "golf"],
 )
-def test_what_balls_do_lies_between(mass: float, diameter: float, measured: float) -> None:
+def test_real_balls_are_between_the_limits(mass: float, diameter: float, measured: float) -> None:
     bound = contact_time_bound(mass, diameter, 5.167, 3.0)
     assert bound.shortest < measured < bound.longest
     assert bound.longest < 0.039

@@ -1,3 +1,5 @@
+"""The instantaneous impact of Eqs 2, 9 and 10."""
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -17,7 +19,9 @@ speeds = st.floats(0.05, 20.0)
 
 
 @given(masses, masses, cors, speeds)
-def test_momentum_and_restitution_hold(heavy: float, light: float, e: float, v: float) -> None:
+def test_momentum_is_conserved_and_restitution_obeyed(
+    heavy: float, light: float, e: float, v: float
+) -> None:
     after = impact(heavy, light, e, v)
     assert heavy * after.speed_after + light * after.ball_speed == pytest.approx(heavy * v)
     assert after.ball_speed - after.speed_after == pytest.approx(e * v)
@@ -25,7 +29,7 @@ def test_momentum_and_restitution_hold(heavy: float, light: float, e: float, v: 
 
 
 @given(cors, speeds)
-def test_what_the_pendulum_loses_is_the_balls_energy_and_deformation(e: float, v: float) -> None:
+def test_the_energy_of_the_pendulum_goes_to_ball_and_deformation(e: float, v: float) -> None:
     # the balance closes only for the effective mass that the equation of motion implies
     heavy, light = PAPER_PENDULUM.inertial_mass, 0.353
     after = impact(heavy, light, e, v)
@@ -36,7 +40,7 @@ def test_what_the_pendulum_loses_is_the_balls_energy_and_deformation(e: float, v
     assert lost == pytest.approx(gained + 0.5 * reduced * (1.0 - e**2) * v**2, rel=1e-12)
 
 
-def test_the_papers_approximation_is_6_to_11_percent_too_large() -> None:
+def test_the_approximation_of_ryu_et_al_is_6_to_11_percent_too_large() -> None:
     pendulum = Pendulum(0.5541, 5.1667 * 0.5541**2, 6.0, 0.4553)
     for mass, e, excess in ((0.353, 0.72, 0.06), (0.605, 0.88, 0.11)):
         after = impact(5.1667, mass, e, 3.0)
@@ -60,6 +64,6 @@ def test_bad_input(heavy: float, light: float, e: float, v: float) -> None:
         impact(heavy, light, e, v)
 
 
-def test_arrays_go_through() -> None:
+def test_arrays_are_accepted() -> None:
     values = external_impulse(5.0, 0.4, np.array([0.7, 0.8]), np.array([1.0, 2.0]))
     assert np.asarray(values).shape == (2,)

@@ -1,4 +1,4 @@
-"""Another lever or mass in a contact, against a spring between two bodies, integrated."""
+"""Contact with another lever arm or mass compared with an integrated spring."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def struck(power, length=LENGTH, inertia=INERTIA):
 
 @pytest.mark.parametrize("error", [-0.06, 0.06])
 @pytest.mark.parametrize("form", [Form.ARM, Form.MASS])
-def test_a_contact_lasts_between_what_a_linear_and_a_hertzian_spring_make_of_it(form, error):
+def test_a_contact_time_is_between_those_of_a_linear_and_a_hertzian_spring(form, error):
     effect = next(one for one in CATALOGUE["effective_mass"] if one.form == form)
     (name,) = (p.name for p in effect.parameters)
     contact = Contact(PACE / LENGTH, 0.0, LENGTH, INERTIA, MASS, 0.2, 1.0, 0.0)

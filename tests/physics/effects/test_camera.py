@@ -1,4 +1,4 @@
-"""What a camera shows, against a pinhole in three dimensions."""
+"""Camera effects compared with a pinhole camera in three dimensions."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def seen_by(name, form, values):
 
 
 @pytest.mark.parametrize("slope", [(0.05, 0.0), (-0.05, 0.02), (0.0, 0.06)])
-def test_a_plane_that_leans_shows_its_balls_as_a_pinhole_does(slope):
+def test_a_tilted_plane_is_projected_as_by_a_pinhole(slope):
     along, up = slope
     nearer = 0.03 + along * (X - MIDDLE[0]) + up * (Y - MIDDLE[1])
     stretch = DISTANCE / (DISTANCE - nearer)
@@ -50,7 +50,7 @@ def _pendulum(phi):
     return CameraView(0.0, *(0.0,) * 6, phi, 0.0, 0.0, 0.4, *MIDDLE, HALF, 0.6)
 
 
-def test_an_angle_is_read_about_the_point_that_is_taken_for_the_axis():
+def test_an_angle_refers_to_the_assumed_axis():
     phi = np.linspace(-0.6, 1.6, 23)
     told = PivotElsewhere().angle({"pivot_x": 4e-3, "pivot_y": -7e-3}, _pendulum(phi))
     seen = np.arctan2(0.6 * np.sin(phi) - 4e-3, 0.6 * np.cos(phi) - 7e-3)
@@ -59,7 +59,7 @@ def test_an_angle_is_read_about_the_point_that_is_taken_for_the_axis():
 
 
 @pytest.mark.parametrize("law", [WanderingCentre(), BehindTheBall()])
-def test_a_centre_wanders_with_no_shift_no_stretch_and_no_turn(law):
+def test_slow_centre_errors_contain_no_shift_scale_or_rotation(law):
     """Those are faults of their own: what is left has none of them, over the way evenly passed."""
     x, weights = np.polynomial.legendre.leggauss(17)
     x = MIDDLE[0] + HALF * x
@@ -71,7 +71,7 @@ def test_a_centre_wanders_with_no_shift_no_stretch_and_no_turn(law):
         assert np.abs([weights @ off, weights @ (off * (x - MIDDLE[0]))]).max() < 1e-12
 
 
-def test_an_angle_wanders_with_no_zero_and_about_no_other_axis():
+def test_slow_angle_errors_contain_no_zero_and_no_axis_error():
     law = WanderingMass()
     values = {p.name: 0.01 * (k + 1) for k, p in enumerate(law.parameters)}
     phi = np.linspace(0.0, 2.0 * np.pi, 65)[:-1]

@@ -1,4 +1,4 @@
-"""Every effect is whole: documented, neutral where it says so, right in cases done by hand."""
+"""Effects of the catalogue: documentation, neutral values, hand-computed cases."""
 
 from dataclasses import replace
 
@@ -57,7 +57,7 @@ OUTCOME = Outcome(0.015, 2.9, 0.2, 0.04, 0.42, 0.0, 5.2, 0.8, 0.0)
 VIEW = CameraView(0.1, 0.5, 0.3, 0.0, 3.0, -1.0, 0.0, 0.2, 4.0, 0.0, 0.41, 1.0, 0.3, 1.0)
 
 
-def test_every_id_of_the_contract_is_there():
+def test_every_documented_id_exists():
     assert set(CONTRACT) == set(CATALOGUE)
 
 
@@ -111,14 +111,14 @@ def test_buoyancy_is_the_weight_of_the_air():
     assert fy == pytest.approx(1.2 * np.pi / 6.0 * 0.008 * 9.81)
 
 
-def test_wind_as_fast_as_the_ball_leaves_the_drag_of_the_rest():
+def test_wind_as_fast_as_the_ball_gives_the_drag_of_the_other_components():
     flight = FlightState(0.0, 0.0, 1.0, 0.0, 3.0, 0.0, 0.0, 0.35, 0.2, 1.2, 1.8e-5, 9.81, 0.5)
     drag = effect_named("drag").force({"drag_coefficient": 0.5}, flight)[0]
     wind = effect_named("wind").force({"wind_x": 3.0}, flight)[0]
     assert drag + wind == pytest.approx(0.0)
 
 
-def test_wind_from_anywhere_that_goes_with_the_ball_leaves_no_drag():
+def test_wind_with_the_velocity_of_the_ball_gives_no_drag():
     flight = FlightState(0.0, 0.0, 1.0, 0.0, 3.0, -1.0, 2.0, 0.35, 0.2, 1.2, 1.8e-5, 9.81, 0.5)
     drag = effect_named("drag").force({"drag_coefficient": 0.5}, flight)
     (law,) = [one for one in CATALOGUE["wind"] if one.form == Form.FROM_ANYWHERE]
@@ -132,7 +132,7 @@ def _flying(height=1.0, speed=3.0, drag=0.5, diameter=0.2):
     )
 
 
-def test_a_floor_holds_the_wind_back():
+def test_the_wind_decreases_towards_the_floor():
     """By the seventh root: at a 128th of a metre half as fast, on the floor not at all."""
     uniform, held, *_ = CATALOGUE["wind"]
     at_one_metre = held.force({"wind_x": 2.0}, _flying(1.0))[0]
@@ -142,7 +142,7 @@ def test_a_floor_holds_the_wind_back():
     assert held.force({"wind_x": 2.0}, _flying(0.0))[0] == pytest.approx(0.0)
 
 
-def test_a_layer_that_thickens_drags_as_spheres_are_dragged():
+def test_drag_with_a_boundary_layer_is_that_of_spheres():
     """Clift, Grace and Weber's table: 1.09 at a Reynolds number of 100, 0.47 at 1000."""
     constant, layer = CATALOGUE["drag"]
     values = {"drag_coefficient": 0.4, "layer": 9.06}
@@ -156,7 +156,7 @@ def test_a_layer_that_thickens_drags_as_spheres_are_dragged():
     assert coefficient(100.0) / coefficient(1000.0) == pytest.approx(1.09 / 0.47, rel=0.06)
 
 
-def test_more_restitution_keeps_the_momentum():
+def test_higher_restitution_conserves_momentum():
     after = effect_named("velocity_dependent_cor").contact({"slope": 0.02}, CONTACT, OUTCOME)
     normal = 0.5 * (CONTACT.angle + OUTCOME.pendulum_angle)
     ball = 0.35 * ((after.vx - 5.2) * np.cos(normal) + (after.vy - 0.8) * np.sin(normal))
@@ -165,7 +165,7 @@ def test_more_restitution_keeps_the_momentum():
     assert ball > 0.0
 
 
-def test_friction_takes_momentum_from_both_and_leaves_how_fast_they_part():
+def test_friction_changes_both_momenta_but_not_the_separation_speed():
     friction = effect_named("support_friction")
     after = friction.contact({"friction_coefficient": 0.5}, CONTACT, OUTCOME)
     ball, pendulum = after.vx - OUTCOME.vx, after.pendulum_speed - OUTCOME.pendulum_speed
@@ -176,7 +176,7 @@ def test_friction_takes_momentum_from_both_and_leaves_how_fast_they_part():
     assert after.contact_time > OUTCOME.contact_time
 
 
-def test_a_turn_about_a_point_leaves_that_point():
+def test_a_rotation_about_a_point_keeps_that_point():
     turn = next(e for e in CATALOGUE["camera_roll"] if e.form == "about a point")
     roll, (px, py) = 0.1, (0.5, 0.3)
     shift = {
@@ -190,7 +190,7 @@ def test_a_faster_camera_has_seen_less_time():
     assert effect_named("time_base").clock({"rate_error": 0.25}, 1.0) == pytest.approx(0.8)
 
 
-def test_a_turned_camera_keeps_distances():
+def test_a_rotated_camera_keeps_distances():
     x, y, _ = effect_named("camera_roll").image({"roll": 0.1}, VIEW)
     assert np.hypot(x, y) == pytest.approx(np.hypot(0.5, 0.3))
 
@@ -208,7 +208,7 @@ def _of_form(name: str, form: Form) -> Effect:
 @pytest.mark.parametrize(
     ("over_critical", "left"), [(0.4, 0.0), (2.0, 1.0 - 0.25 * 0.30103), (10.0, 0.75)]
 )
-def test_a_fall_of_drag_is_made_up_for_by_decades(over_critical, left):
+def test_a_lower_drag_coefficient_needs_a_higher_reynolds_number(over_critical, left):
     crisis = _of_form("drag_crisis", Form.RECOVERING)
     critical = float(FLIGHT.reynolds) / over_critical
     values = {"coefficient_drop": 0.3, "critical_reynolds": critical, "recovery": 0.25}
@@ -230,7 +230,7 @@ def test_a_spin_braked_with_its_square_is_the_solution_of_that_law():
 
 
 @pytest.mark.parametrize("rate", [-8.0, 8.0])
-def test_powers_of_the_rate_between_the_usual_ones_brake(rate):
+def test_fractional_powers_of_the_rate_dissipate(rate):
     swing = replace(SWING, omega=rate)
     sticky = _of_form("viscous_damping", Form.TWO_THIRDS)
     thin = _of_form("pendulum_drag", Form.THREE_HALVES)

@@ -1,4 +1,4 @@
-"""A turned face pushes as mechanics has it: what is kept in a blow is kept."""
+"""Contact with a tilted face: conserved quantities."""
 
 import numpy as np
 import pytest
@@ -51,7 +51,7 @@ def test_a_perfect_face_without_friction_loses_no_energy(form, turn):
 
 @pytest.mark.parametrize("turn", TURNS)
 @pytest.mark.parametrize(("form", "spin"), [(FACES[0], 0.0), *((one, 0.15) for one in FACES[1:])])
-def test_angular_momentum_about_the_pivot_is_kept(form, spin, turn):
+def test_angular_momentum_about_the_pivot_is_conserved(form, spin, turn):
     effect = form_of(form)
     after = effect.contact(values_of(effect, turn, spin), *blow(0.7))
     place = centre(form, turn, after.pendulum_angle)
@@ -62,7 +62,7 @@ def test_angular_momentum_about_the_pivot_is_kept(form, spin, turn):
     assert ball + own + pendulum == pytest.approx(INERTIA * PACE / LENGTH, rel=1e-3)
 
 
-def test_one_turn_sends_large_and_small_balls_the_same_way():
+def test_one_face_rotation_deflects_large_and_small_balls_alike():
     contact, before = blow(0.7)
     wide = Contact(**(vars(contact) | {"diameter": 2.0 * contact.diameter}))
     ways = {}
@@ -75,7 +75,7 @@ def test_one_turn_sends_large_and_small_balls_the_same_way():
     assert ways[Form.SMOOTH_FACE][1] < ANGLE + 0.12
 
 
-def test_a_face_turned_on_the_arm_is_there_sooner():
+def test_a_rotated_face_makes_contact_earlier():
     effect = form_of(Form.TURNED_ON_ARM)
     contact, before = blow(0.7)
     after = effect.contact(values_of(effect, 0.2), contact, before)

@@ -1,3 +1,5 @@
+"""Density and viscosity of air compared with published values."""
+
 import pytest
 
 from metrology import DomainError

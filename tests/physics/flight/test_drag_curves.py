@@ -1,3 +1,5 @@
+"""Drag and lift curves compared with published values."""
+
 import math
 
 import numpy as np
@@ -45,7 +47,7 @@ def test_curves_are_finite_and_the_same_for_floats_and_arrays(curve: type(SOCCER
     assert float(curve(2e5)) == pytest.approx(values[3])
 
 
-def test_leaving_the_range_or_an_unconfirmed_source_is_flagged() -> None:
+def test_values_out_of_range_or_of_unconfirmed_source_are_flagged() -> None:
     assert SMOOTH_SPHERE_DRAG.notes(1e4, 1e5) == ()
     assert "covers" in SOCCER_DRAG.notes(1e4, 1e5)[0]
     assert "could not be confirmed" in BASKETBALL_DRAG.notes(5e4, 1e5)[0]

@@ -1,3 +1,5 @@
+"""Flights compared with closed forms and an independent integrator."""
+
 import math
 from dataclasses import dataclass, replace
 
@@ -77,7 +79,7 @@ def test_flat_flight_in_still_air_without_gravity() -> None:
 
 
 @given(st.floats(0.0, 5.0), st.floats(1e-9, 1.0))
-def test_the_drag_limit_has_no_seam(distance: float, constant: float) -> None:
+def test_the_limit_of_zero_drag_is_continuous(distance: float, constant: float) -> None:
     free = float(drag_free_distance(distance, constant))
     assert free >= distance
     assert math.log1p(constant * free) / constant == pytest.approx(distance, rel=1e-6, abs=1e-9)
@@ -130,7 +132,7 @@ def test_all_forces_agree_with_an_independent_integrator() -> None:
     assert there[0, 0] == pytest.approx(wanted[0], abs=1e-5)
 
 
-def test_many_flights_are_each_their_own() -> None:
+def test_flights_of_a_batch_are_independent() -> None:
     drags = np.linspace(0.0, 0.6, 7)
     model = FREE.with_terms(drag_term(drags))
     _, there = land_many(model, ball_state(0.0, 0.4, np.full(7, 6.0), 1.0), floor=JOKKU.radius)
@@ -144,7 +146,7 @@ def test_many_flights_are_each_their_own() -> None:
         assert x == pytest.approx(one.landing_position[0], abs=1e-7)
 
 
-def test_a_term_acts_where_it_should_only_and_sees_what_is_there() -> None:
+def test_a_term_acts_only_in_its_phase_with_the_right_state() -> None:
     """Four members: nothing, drag, drag and draught, spin and its decay."""
     column = np.array([[0.47], [0.47]])
     model = FREE.with_terms(
@@ -165,7 +167,7 @@ def test_a_term_acts_where_it_should_only_and_sees_what_is_there() -> None:
         np.testing.assert_allclose(together[:, row, 2], single.rates(0.2, state[:, row, 2]))
 
 
-def test_the_planar_flight_is_the_model_in_terms_of_what_a_clip_shows() -> None:
+def test_the_planar_flight_is_the_model_in_observable_parameters() -> None:
     spin, speed = 25.0, np.array([[6.0, 2.0], [3.0, -4.0]])
     model = DRAGGED.with_terms(term("magnus", spin=spin))
     lift = 0.5 * 1.18 * math.pi * 0.25 * 0.20175**2 * 0.5 * 0.20175 * spin / 0.353
@@ -177,7 +179,7 @@ def test_the_planar_flight_is_the_model_in_terms_of_what_a_clip_shows() -> None:
     np.testing.assert_allclose(model.rates(0.0, state)[[0, 1, 3, 4]], flat, rtol=1e-12)
 
 
-def test_planar_flights_are_marched_like_the_model_both_ways() -> None:
+def test_planar_flights_agree_with_the_model_forwards_and_backwards() -> None:
     flights = np.array(
         [[0.1, 0.9, 4.0, 1.0, K, 0.0, GRAVITY], [0.0, 2.0, 7.0, 3.0, K, 0.0, GRAVITY]]
     )
@@ -200,7 +202,7 @@ def test_a_planar_flight_comes_down_when_it_is_at_that_height() -> None:
     assert math.isnan(time_of_fall(flight, 5.0, 2.0))
 
 
-def test_a_path_is_read_before_and_after_its_start() -> None:
+def test_a_trajectory_is_evaluated_before_and_after_its_start() -> None:
     times = np.array([[0.0, 0.13, 0.3]])
     start = ball_state(0.0, 1.0, 5.0, 1.0)
     ahead = integrate(DRAGGED.rates, start, np.array([0.4]), 40).at(times)[:, 0]

@@ -1,3 +1,5 @@
+"""Fits of restitution laws."""
+
 import numpy as np
 import pytest
 
@@ -32,7 +34,7 @@ def test_the_law_that_made_the_data_is_preferred(model: str, truth: PowerLawCor)
     assert fits[0].model == model
 
 
-def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
+def test_intervals_have_their_nominal_coverage() -> None:
     generator = np.random.default_rng(11)
     std = np.full(SPEEDS.size, 0.003)
     held = []

@@ -1,3 +1,5 @@
+"""COR from the landing distance: inversion, propagation and Monte Carlo."""
+
 import dataclasses
 
 import numpy as np
@@ -88,7 +90,7 @@ def test_linear_propagation_and_monte_carlo_agree() -> None:
     assert len(linear.budget) == len(stds)
 
 
-def test_the_four_conclusions_of_the_paper() -> None:
+def test_the_four_conclusions_of_ryu_et_al() -> None:
     for ball, distance, speed in ((JOKKU, 1.8, 3.2144), (BASKETBALL, 2.07, 3.1223)):
         inputs = _inputs(ball.name, distance, speed)
         slopes = sensitivities(inputs)

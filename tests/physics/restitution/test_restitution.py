@@ -1,3 +1,5 @@
+"""Restitution laws and their text form."""
+
 import math
 
 import numpy as np
@@ -14,7 +16,7 @@ from physics.restitution import (
 )
 
 
-def test_the_papers_laws() -> None:
+def test_the_laws_of_ryu_et_al() -> None:
     assert JOKKU.cor(2.0) == pytest.approx(0.1305 * math.exp(-0.2685 * 2 - 0.1953) + 0.6746)
     assert BASKETBALL.cor(0.0) == pytest.approx(0.2235 * math.exp(-0.7226) + 0.8327)
     assert isinstance(JOKKU.cor, ExponentialCor)
@@ -29,7 +31,7 @@ def test_laws_take_floats_and_arrays(law: ExponentialCor) -> None:
     assert values[1, 0] == law(3.0)
 
 
-def test_text_is_read_as_the_formula_it_is() -> None:
+def test_text_is_parsed_as_a_formula() -> None:
     law = parse_cor_law("0.1305*exp(-0.2685*v - 0.1953) + 0.6746")
     speeds = np.linspace(0.1, 6.0, 20)
     np.testing.assert_allclose(law(speeds), JOKKU.cor(speeds), rtol=1e-15)
