@@ -20,3 +20,5 @@ if "PYTEST_XDIST_WORKER" not in os.environ:
         prefix="impact-vision-tests-", ignore_cleanup_errors=True
     )
     os.environ["IMPACT_VISION_CACHE"] = _MEASURED.name
+else:
+    os.environ.setdefault("IMPACT_VISION_CACHE", "off")

@@ -1,1 +1,1 @@
-"""Clips with known truth: following, gravity, and the shipped samples."""
+"""Clips with known truth: followed objects, and the shipped samples."""
