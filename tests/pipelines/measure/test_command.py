@@ -184,11 +184,11 @@ def test_bad_input_is_told(arguments: list[str], code: int, said: str) -> None:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--json", "nowhere/r.json"], "no folder nowhere"),
+        (["--json", "nowhere/r.json"], "the folder nowhere does not exist"),
         (["--csv", "."], "a folder"),
         (["--overlay", "o.txt"], ".mp4"),
         (["--plot", "p.bmp"], ".png"),
-        (["--overlay", "clip.mp4"], "is read"),
+        (["--overlay", "clip.mp4"], "is an input"),
         (["--csv", "r.csv", "--tracks", "r.csv"], "named twice"),
     ],
 )
