@@ -69,20 +69,18 @@ def explain(seen: Observations) -> Explained:
     """Fit every explanation."""
     seen = seen.without_outliers()
     noise = seen.noise
-    sums = Polynomials(seen, noise)
-    free = divide(seen, sums, _ANY)
+    free = _divided_by_likelihood(seen, noise)
     core = _core(seen, free, noise)
     swing = fit_swing(seen.rows(core), noise)
     left = residual_of(seen, free)
     if swing is not None and _typical(swing.residual) < _typical(left):
         left = swing.residual
     alike = correlation(left)
-    if _typical(left) > 1.2 * noise or alike > 0.2:
-        # errors that change slowly are no motion: their size counts, and fewer rows are independent
-        noise = max(noise, min(_typical(left), 3.0 * noise))
-        sums = Polynomials(seen, noise)
-        free = divide(seen, sums, _ANY, (1.0 - alike) / (1.0 + alike))
+    # errors that change slowly are no motion: their size counts, and fewer rows are independent
+    noise = max(noise, min(_typical(left), _NOISE_FACTORS[-1] * noise))
     worth = (1.0 - alike) / (1.0 + alike)
+    sums = Polynomials(seen, noise)
+    free = divide(seen, sums, _ANY, worth)
     fall, gravity = _best_fall(seen, sums, free, worth)
     slope, direction = _best_slope(seen, sums, free, core, worth)
     inner = seen.rows(core)
@@ -100,6 +98,34 @@ def explain(seen: Observations) -> Explained:
     return Explained(
         seen, noise, alike, core, free, fall, gravity, slope, direction, swing, circle, costs
     )
+
+
+_NOISE_FACTORS = (1.0, 1.8, 3.2, 6.0)
+"""Slow noise over the independent one, as it is tried. Convention: even steps of a logarithm."""
+
+
+def _divided_by_likelihood(seen: Observations, noise: float) -> Division:
+    """The division by the size of noise for which its residuals are most likely.
+
+    Many segments leave little noise, few leave more that is correlated: the likelihood of residuals
+    as a first-order autoregression, with the cost of the segments, weighs one against the other.
+    """
+    best: tuple[float, Division] | None = None
+    for factor in _NOISE_FACTORS:
+        division = divide(seen, Polynomials(seen, factor * noise), _ANY)
+        left = residual_of(seen, division)
+        alike = correlation(left)
+        variance = max(_typical(left) ** 2 * (1.0 - alike**2), (0.5 * noise) ** 2)
+        numbers = sum(_NUMBERS[one.model] for one in division.spans)
+        cost = len(seen) * math.log(variance) + 0.5 * numbers * math.log(2.0 * len(seen))
+        if best is None or cost < best[0] - 1e-6:
+            best = cost, division
+    assert best is not None
+    return best[1]
+
+
+_NUMBERS = {Model.REST: 3, Model.LINE: 5, Model.PARABOLA: 7}
+"""Parameters of a segment and of where it begins."""
 
 
 def _typical(residual: FloatArray) -> float:

@@ -20,9 +20,9 @@ from vision.interpret.features import FEATURES, features_of
 from vision.interpret.models import FloatArray, Observations, Swing
 from vision.interpret.segments import (
     Event,
-    EventKind,
     Model,
     Segment,
+    contact_between,
     events_between,
     segment_of,
 )
@@ -148,9 +148,12 @@ def interpret(
     kind = max(shares, key=lambda name: shares[name])
     segments, down = _segments(one, kind)
     events = list(events_between(segments, down)) if kind is not Kind.CIRCLE else []
-    if kind in (Kind.STRIKE, Kind.COLLISION):
-        events = _struck(events)
-    rest = next((each for each in segments[:1] if each.model is Model.REST), None)
+    main = _main(kind, segments)
+    rests = [each for each in segments if each.model is Model.REST]
+    rests = [each for each in rests if main is not None and each.last < main.first]
+    if kind in _STRUCK and main is not None and rests:
+        late = [event for event in events if event.frame > main.first + 1]
+        events = [contact_between(rests[-1], main), *late]
     features = dict(zip(FEATURES, values.tolist(), strict=True))
     falls_at_all = features["fall_share"] > 0.5 and kind in _FALLING
     return Interpretation(
@@ -159,8 +162,8 @@ def interpret(
         segments,
         tuple(sorted(events, key=lambda event: event.frame)),
         _reasons(one, other, kind, features, segments),
-        _frames(one, kind, segments),
-        None if rest is None else (rest.first, rest.last),
+        _frames(kind, segments, main),
+        (rests[0].first, rests[-1].last) if rests else None,
         (float(one.gravity[0]), float(one.gravity[1])) if falls_at_all else None,
         one.noise,
         one.alike,
@@ -169,6 +172,7 @@ def interpret(
 
 
 _FALLING = (Kind.STRIKE, Kind.FLIGHT, Kind.DROP, Kind.BOUNCE)
+_STRUCK = (Kind.STRIKE, Kind.COLLISION)
 
 
 def _segments(one: Explained, kind: Kind) -> tuple[tuple[Segment, ...], FloatArray | None]:
@@ -208,35 +212,28 @@ def _segments(one: Explained, kind: Kind) -> tuple[tuple[Segment, ...], FloatArr
     return (*before, middle, *after), None
 
 
-def _struck(events: list[Event]) -> list[Event]:
-    """The first departure is the contact."""
-    for index, event in enumerate(events):
-        if event.kind in (EventKind.RELEASE, EventKind.CHANGE, EventKind.CONTACT):
-            return [*events[:index], replace(event, kind=EventKind.CONTACT), *events[index + 1 :]]
-    return events
-
-
-def _frames(one: Explained, kind: Kind, segments: tuple[Segment, ...]) -> tuple[int, int] | None:
-    """Frames of the motion itself."""
+def _main(kind: Kind, segments: tuple[Segment, ...]) -> Segment | None:
+    """The segment that gives a kind its name: the first at least half as long as the longest."""
+    model = Model.FALL if kind in _FALLING else Model.SLOPE
     moves = [each for each in segments if each.model is not Model.REST]
-    if not moves or kind is Kind.NONE:
-        return None
-    if kind in (Kind.STRIKE, Kind.COLLISION):
-        first = segments[0].first
-        falling = [each for each in moves if each.model in (Model.FALL, Model.SLOPE)] or moves
-        return first, falling[0].last
-    if kind in _FALLING:
-        falling = [each for each in moves if each.model is Model.FALL] or moves
-        longest = max(each.last - each.first for each in falling)
-        chosen = next(each for each in falling if 2 * (each.last - each.first) >= longest)
-        return chosen.first, chosen.last
+    named = [each for each in moves if each.model is model] or moves
+    longest = max((each.last - each.first for each in named), default=0)
     if kind in (Kind.ROLL, Kind.SLIDE):
-        chosen = max(
-            (each for each in moves if each.model is Model.SLOPE),
-            key=lambda each: each.last - each.first,
-            default=moves[0],
-        )
-        return chosen.first, chosen.last
+        return next((each for each in named if each.last - each.first == longest), None)
+    return next((each for each in named if 2 * (each.last - each.first) >= longest), None)
+
+
+def _frames(
+    kind: Kind, segments: tuple[Segment, ...], main: Segment | None
+) -> tuple[int, int] | None:
+    """Frames of the motion itself."""
+    if main is None or kind is Kind.NONE:
+        return None
+    if kind in _STRUCK:
+        return segments[0].first, main.last
+    if kind in _FALLING or kind in (Kind.ROLL, Kind.SLIDE):
+        return main.first, main.last
+    moves = [each for each in segments if each.model is not Model.REST]
     return moves[0].first, moves[-1].last
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vision.interpret.models import FloatArray, IntArray, Observations, Polynomials
 
@@ -17,6 +16,7 @@ __all__ = [
     "Model",
     "Segment",
     "Span",
+    "contact_between",
     "divide",
     "events_between",
     "falls",
@@ -265,19 +265,16 @@ def _knots(seen: Observations, noise: float) -> IntArray:
     if count < MAX_KNOTS:
         return np.arange(count + 1)
     even = np.linspace(0, count, MAX_KNOTS // 2).astype(np.int64)
-    reach = 3
-    before = (seen.place[reach:] - seen.place[:-reach]) / np.diff(seen.frame[::1])[0:1]
-    change = np.zeros(count)
-    inner = np.arange(reach, count - reach)
-    change[inner] = np.hypot(*(before[reach:] - before[:-reach])[: len(inner)].T)
+    # second difference over three rows to each side
+    change, place = np.zeros(count), seen.place
+    change[3:-3] = np.hypot(*(place[6:] - 2.0 * place[3:-3] + place[:-6]).T)
     chosen = list[int]()
-    left = change.copy()
     while len(chosen) < MAX_KNOTS // 2:
-        row = int(np.argmax(left))
-        if left[row] <= 3.0 * noise:
+        row = int(np.argmax(change))
+        if change[row] <= 3.0 * noise:
             break
         chosen += [row, row + 1]
-        left[max(row - 1, 0) : row + 2] = 0.0
+        change[max(row - 1, 0) : row + 2] = 0.0
     return np.unique(np.concatenate([even, np.array(chosen, dtype=np.int64)]))
 
 
@@ -338,6 +335,18 @@ def events_between(segments: Sequence[Segment], down: FloatArray | None) -> tupl
     return tuple(found)
 
 
+def contact_between(rest: Segment, motion: Segment) -> Event:
+    """When a body at rest was struck: where its motion, carried back, leaves the place of rest.
+
+    A contact that lasts for several frames lies about this frame; the gap between the two segments
+    adds to the uncertainty.
+    """
+    found = _met(rest, motion, None)
+    gap = max(motion.first - rest.last - 1, 0)
+    # uniform over the gap
+    return Event(EventKind.CONTACT, found.frame, math.hypot(found.std, 0.29 * gap))
+
+
 def _let_go(before: Segment, after: Segment) -> Event:
     """Release of a swing, or its end, somewhere between the two segments."""
     kind = EventKind.RELEASE if before.model is Model.REST else EventKind.STOP
@@ -394,8 +403,3 @@ def _turned(segment: Segment) -> Event | None:
     if not segment.first < frame < segment.last:
         return None
     return Event(EventKind.TURN, frame, segment.spread(frame)[1] / math.sqrt(size))
-
-
-def moving(segments: Sequence[Segment]) -> NDArray[np.bool_]:
-    """Which segments are no rest."""
-    return np.array([one.model is not Model.REST for one in segments], dtype=bool)
