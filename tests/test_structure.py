@@ -131,12 +131,6 @@ def test_links_and_pictures_of_the_readme_exist() -> None:
     assert [target for target in targets if not (ROOT / target).is_file()] == []
 
 
-def test_every_fragment_of_the_changelog_is_assembled() -> None:
-    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-    for fragment in (ROOT / "changelog.d").glob("*.md"):
-        assert fragment.read_text(encoding="utf-8").strip() in changelog, fragment.name
-
-
 def test_no_two_classes_share_a_name() -> None:
     found: dict[str, list[str]] = {}
     for path in MODULES:
