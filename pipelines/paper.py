@@ -1424,28 +1424,10 @@ def _audit_section(cells: tuple[Cell, ...]) -> str:
     counts = Counter((cell.table, cell.verdict) for cell in cells)
     verdicts = list(dict.fromkeys(cell.verdict for cell in cells))
     tables = sorted({cell.table for cell in cells})
-    summary = _table(
+    return _table(
         ("table", *verdicts),
         [(str(t), *(str(counts.get((t, v), 0)) for v in verdicts)) for t in tables],
     )
-    parts = [summary]
-    for number in tables:
-        mine = [cell for cell in cells if cell.table == number]
-        rows = [
-            (
-                cell.row,
-                cell.column,
-                f"{cell.printed:.6g}",
-                f"{cell.ours:.5g}",
-                f"{cell.difference:+.2g}",
-                cell.verdict,
-                cell.note,
-            )
-            for cell in mine
-        ]
-        header = ("row", "column", "print", "ours", "difference", "verdict", "note")
-        parts.append(f"#### Table {number}\n\n{_table(header, rows)}")
-    return "\n\n".join(parts)
 
 
 def _candidates_section() -> str:

@@ -152,7 +152,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--draw-only", action="store_true")
     parser.add_argument(
         "-o", "--output", type=Path,
-        help="report file (default: docs/proof.md for a complete proof, else the terminal)",
+        help="report file (default: docs/evidence/concealed.md if complete, else the terminal)",
     )  # fmt: skip
     return parser.parse_args()
 
@@ -236,7 +236,7 @@ def main() -> None:
     asked = Asked(options.campaigns, options.seed, answered_by)
     output = options.output
     if output is None and options.campaigns >= WHOLE_PROOF and options.world is World.OWN:
-        output = ROOT / "docs" / "proof.md"
+        output = ROOT / "docs" / "evidence" / "concealed.md"
     reliability = _reliability(output, [s.judgement for s in (*theirs, *second)])
     text = proof_text(own, theirs, asked, real, pixels, second, reliability)
     if output is None:

@@ -3,7 +3,7 @@
 Run: python -m bench.concealed.filmed.pixels FOLDER
 
 Clips, tracks and answers are stored in the folder and reused; `python -m bench.concealed --pixels
-FOLDER` writes the section of docs/proof.md.
+FOLDER` writes the section of docs/evidence/concealed.md.
 """
 
 import argparse
