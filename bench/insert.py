@@ -14,6 +14,7 @@ import re
 import statistics
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +64,7 @@ def values() -> dict[str, Callable[[], str]]:
     for name, entry in read_results("demo.json").items():
         _add(known, f"demo.{name}", entry)
     for lesson, record in read_results("lessons.json").items():
-        known[f"lessons.{lesson}.kind"] = lambda record=record: record["kind"]
+        known[f"lessons.{lesson}.kind"] = partial(str, record["kind"])
         for name, entry in record["quantities"].items():
             _add(known, f"lessons.{lesson}.{name}", entry)
     known |= _evidence(read_results("evidence.json"))
@@ -78,16 +79,16 @@ def _evidence(found: Record) -> dict[str, Callable[[], str]]:
     clips, tables = found["clips"], found["tables"]
     for part in ("shipped", "rendered", "scenes", "rooms", "altered"):
         mine = {k: v for k, v in clips.items() if k.startswith(f"{part}/")}
-        known[f"evidence.{part}"] = lambda mine=mine: _clips_table(mine)
-        known[f"evidence.{part}.count"] = lambda mine=mine: str(len(mine))
+        known[f"evidence.{part}"] = partial(_clips_table, mine)
+        known[f"evidence.{part}.count"] = partial(str, len(mine))
     real = {k: v for k, v in clips.items() if k.startswith("clips/")}
     known["evidence.clips"] = lambda: _real_clips_table(real)
     known["evidence.clips.summary"] = lambda: _summary_table(clips)
     known["evidence.speed"] = lambda: _speed_table(clips, tables)
     for part in ("concealed", "realdata"):
         own = {k: v for k, v in tables.items() if k.startswith(f"{part}/")}
-        known[f"evidence.{part}"] = lambda own=own: _campaigns_table(own)
-        known[f"evidence.{part}.summary"] = lambda own=own: _campaigns_summary(own)
+        known[f"evidence.{part}"] = partial(_campaigns_table, own)
+        known[f"evidence.{part}.summary"] = partial(_campaigns_summary, own)
     return known
 
 

@@ -56,8 +56,8 @@ def main() -> None:
         ("Ball of the wall's colour: weak outline", pale),
         ("Oblique, tilted, landing out of view", replace(scene, camera=near)),
     )
-    figure = Figure(figsize=(12, 2.7), layout="constrained")
-    for axes, (title, scene_) in zip(figure.subplots(1, 3), bad, strict=True):
+    figure = Figure(figsize=(5.2, 9.4), layout="constrained")
+    for axes, (title, scene_) in zip(figure.subplots(3, 1), bad, strict=True):
         axes.imshow(_frame(scene_))
         axes.set_title(title, fontsize=11)
         axes.set_axis_off()
