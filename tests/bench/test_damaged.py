@@ -14,11 +14,11 @@ REFUSED = {
     "ten samples": "10 samples",
     "every time twice": "repeat a time",
     "all trials under one name": "1",
-    "a column of text": "holds no numbers",
+    "a column of text": "no numbers",
     "two columns of one name": "two columns called x_m",
     "decimal commas between commas": "decimal commas",
     "no bytes": "is empty",
-    "bytes of a picture": "no text",
+    "bytes of a picture": "not text",
     "a header alone": "no rows",
 }
 
