@@ -53,7 +53,7 @@ def test_the_refitted_baseline_fits_to_the_noise_and_finds_the_clocks(clean):
     ("name", "values"),
     [
         ("magnus", {"spin": 6.0}),
-        ("velocity_dependent_cor", {"slope": -0.03}),
+        pytest.param("velocity_dependent_cor", {"slope": -0.03}, marks=pytest.mark.slow),
         pytest.param("time_base", {"rate_error": 0.01}, marks=pytest.mark.slow),
     ],
 )

@@ -112,6 +112,7 @@ def test_drag_is_found_in_slow_noise_of_short_trials():
     assert found.value == pytest.approx(0.47, abs=3.0 * found.std)
 
 
+@pytest.mark.slow
 def test_drag_is_found_with_clock_jitter():
     strength = 0.5 * Baseline({}).air_density * np.pi / 4.0 * DIAMETER**2 / MASS
     (named,) = explain(*throws(JITTER, drag=0.47 * strength)).effects
