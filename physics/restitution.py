@@ -15,6 +15,7 @@ import numpy as np
 import scipy
 
 from metrology import DomainError, TooLittleDataError, UsageError
+from metrology.least_squares import Optimum, minimise
 from physics.domain import FloatArray, FloatOrArray, Number, require_positive
 
 __all__ = [
@@ -427,28 +428,87 @@ class CorFit:
     bic: float
 
 
+@dataclass(frozen=True)
+class _Form:
+    """A law with free parameters.
+
+    Attributes
+    ----------
+    model : str
+    names : tuple of str
+        Of the parameters.
+    bounds : tuple of (float, float)
+    value, slopes : callable
+        e at speeds (N,) m/s, and its derivatives by the parameters (N, P).
+    start : callable
+        Initial parameters from speeds and e.
+    law : callable
+        Parameters to the law.
+    """
+
+    model: str
+    names: tuple[str, ...]
+    bounds: tuple[tuple[float, float], ...]
+    value: Callable[..., FloatArray]
+    slopes: Callable[..., FloatArray]
+    start: Callable[[FloatArray, FloatArray], tuple[float, ...]]
+    law: Callable[..., CorLaw]
+
+
 def _exponential(v: FloatArray, amplitude: float, rate: float, floor: float) -> FloatArray:
     return np.asarray(amplitude * np.exp(-rate * v) + floor)
 
 
-def _power(v: FloatArray, coefficient: float) -> FloatArray:
-    return np.asarray(1.0 - coefficient * v**0.2)
+def _exponential_slopes(v: FloatArray, amplitude: float, rate: float, _: float) -> FloatArray:
+    decay = np.exp(-rate * v)
+    return np.stack([decay, -amplitude * v * decay, np.ones_like(v)], axis=1)
 
 
-def _constant(v: FloatArray, value: float) -> FloatArray:
-    return np.full_like(v, value)
+def _exponential_start(v: FloatArray, cor: FloatArray) -> tuple[float, ...]:
+    amplitude = max(float(np.ptp(cor)), 0.02) * 1.5
+    rate = 1.0 / max(float(np.mean(v)), 0.1)
+    return amplitude, rate, float(np.min(cor)) - 0.02
 
 
-def _law(model: str, best: dict[str, float]) -> CorLaw:
-    if model == "exponential":
-        return ExponentialCor(best["amplitude"], best["rate"], 0.0, best["floor"])
-    return PowerLawCor(best["coefficient"]) if model == "power" else ConstantCor(best["value"])
+_FREE = (-math.inf, math.inf)
+_FORMS = {
+    form.model: form
+    for form in (
+        _Form(
+            "exponential",
+            ("amplitude", "rate", "floor"),
+            (_FREE, (1e-4, 20.0), (-1.0, 1.5)),
+            _exponential,
+            _exponential_slopes,
+            _exponential_start,
+            lambda amplitude, rate, floor: ExponentialCor(amplitude, rate, 0.0, floor),
+        ),
+        _Form(
+            "power",
+            ("coefficient",),
+            (_FREE,),
+            lambda v, coefficient: 1.0 - coefficient * v**0.2,
+            lambda v, _: -(v[:, np.newaxis] ** 0.2),
+            lambda v, cor: (0.2,),
+            PowerLawCor,
+        ),
+        _Form(
+            "constant",
+            ("value",),
+            (_FREE,),
+            lambda v, value: np.full_like(v, value),
+            lambda v, _: np.ones((len(v), 1)),
+            lambda v, cor: (float(np.mean(cor)),),
+            ConstantCor,
+        ),
+    )
+}
 
 
 def fit_cor(
     speed: FloatArray, cor: FloatArray, std: FloatArray | None = None, *, model: str
 ) -> CorFit:
-    """Fit one law of restitution by least squares (lmfit).
+    """Fit one law of restitution by least squares.
 
     Eqs 24 and 25 of the paper write a exp(−b v − c) + d; a and c are one parameter between them,
     so the fit has amplitude = a exp(−c), rate = b and floor = d.
@@ -473,25 +533,26 @@ def fit_cor(
     DomainError
         For an unknown model or speeds that are not positive.
     """
-    start: dict[str, dict[str, Any]] = {
-        "exponential": {
-            "amplitude": {"value": max(float(np.ptp(cor)), 0.02) * 1.5},
-            "rate": {"value": 1.0 / max(float(np.mean(speed)), 0.1), "min": 1e-4, "max": 20.0},
-            "floor": {"value": float(np.min(cor)) - 0.02, "min": -1.0, "max": 1.5},
-        },
-        "power": {"coefficient": {"value": 0.2}},
-        "constant": {"value": {"value": float(np.mean(cor))}},
-    }
-    functions: dict[str, Callable[..., FloatArray]] = {
-        "exponential": _exponential,
-        "power": _power,
-        "constant": _constant,
-    }
-    if model not in functions:
-        raise DomainError(f"unknown law {model!r}", hint=f"Laws: {', '.join(functions)}.")
+    if model not in _FORMS:
+        raise DomainError(f"unknown law {model!r}", hint=f"Laws: {', '.join(_FORMS)}.")
     require_positive("the impact speed", speed, "m/s")
-    fit = _least_squares(functions[model], speed, cor, std, start[model])
-    return _report(model, _law(model, fit.best_values), fit, len(speed), std is not None)
+    form = _FORMS[model]
+    count = len(form.names)
+    if len(speed) < count:
+        raise TooLittleDataError(f"{len(speed)} points can't determine {count} parameters")
+    weight = np.ones(len(speed)) if std is None else 1.0 / np.asarray(std)
+    low, high = np.transpose(form.bounds)
+    optimum = minimise(
+        lambda values: weight * (form.value(speed, *values) - cor),
+        form.start(speed, cor),
+        slopes=lambda values: weight[:, np.newaxis] * form.slopes(speed, *values),
+        low=low,
+        high=high,
+        tolerance=1e-14,
+        gradient_tolerance=1e-14,
+        most_evaluations=20_000,
+    )
+    return _report(form, optimum, absolute=std is not None)
 
 
 def compare_cor_fits(
@@ -511,47 +572,34 @@ def compare_cor_fits(
     return tuple(sorted(fits, key=lambda fit: fit.aicc if enough else fit.bic))
 
 
-def _least_squares(
-    function: Callable[..., FloatArray],
-    x: FloatArray,
-    y: FloatArray,
-    std: FloatArray | None,
-    start: dict[str, dict[str, Any]],
-) -> Any:
-    if len(x) < len(start):
-        raise TooLittleDataError(f"{len(x)} points can't determine {len(start)} parameters")
-    import lmfit  # takes a second (pandas, matplotlib), which evaluating laws need not cost
-
-    model = lmfit.Model(function)
-    parameters = model.make_params(**start)
-    return model.fit(
-        y,
-        parameters,
-        weights=None if std is None else 1.0 / np.asarray(std),
-        scale_covar=std is None,
-        max_nfev=20_000,
-        fit_kws={"xtol": 1e-14, "ftol": 1e-14},
-        **{model.independent_vars[0]: x},
-    )
-
-
-def _report(model: str, law: CorLaw, fit: Any, points: int, absolute: bool) -> CorFit:
-    free = fit.nvarys
+def _report(form: _Form, optimum: Optimum, *, absolute: bool) -> CorFit:
+    points, free = optimum.jacobian.shape
     dof = points - free
     width = float(scipy.special.stdtrit(dof, 0.975)) if dof > 0 else math.inf
+    chi2 = float(np.sum(optimum.residuals**2))
+    scale = 1.0 if absolute else chi2 / dof if dof > 0 else math.inf
     parameters = []
-    for name, parameter in fit.params.items():
-        known = parameter.stderr is not None and (dof > 0 or absolute)
-        std = float(parameter.stderr) if known else math.inf
-        value = float(parameter.value)
+    for name, value, variance in zip(
+        form.names, map(float, optimum.values), _variances(optimum.jacobian), strict=True
+    ):
+        std = math.sqrt(variance * scale) if math.isfinite(variance * scale) else math.inf
         half = 1.96 * std if absolute else width * std
         parameters.append(FittedParameter(name, value, std, value - half, value + half))
-    chi2 = float(np.sum(np.asarray(fit.residual) ** 2))
     # Without std the residuals' scale counts as one more parameter.
     count = free if absolute else free + 1
     deviance = chi2 if absolute else points * math.log(max(chi2, 1e-30) / points)
     spare = points - count - 1
     aicc = deviance + 2 * count + (2 * count * (count + 1) / spare if spare > 0 else math.inf)
-    return CorFit(
-        model, law, tuple(parameters), chi2, dof, aicc, deviance + count * math.log(points)
-    )
+    law = form.law(*map(float, optimum.values))
+    bic = deviance + count * math.log(points)
+    return CorFit(form.model, law, tuple(parameters), chi2, dof, aicc, bic)
+
+
+def _variances(jacobian: FloatArray) -> FloatArray:
+    """Variances of the parameters for residuals of std 1; infinite if the data leave one free."""
+    count = jacobian.shape[1]
+    if np.linalg.matrix_rank(jacobian) < count:
+        return np.full(count, np.inf)
+    # Factorised: the product of the Jacobian with itself would have half the digits.
+    root = np.linalg.solve(np.linalg.qr(jacobian, mode="r"), np.eye(count))
+    return np.asarray(np.sum(root**2, axis=1))
