@@ -11,6 +11,7 @@ from rich.table import Table
 from metrology import MeasurementError, UsageError
 from pipelines.campaign.conduct import Campaign, CampaignOptions, conduct
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State
+from pipelines.campaign.results import parquet_is_written
 from pipelines.campaign.run import Progress as RunProgress
 from pipelines.campaign.run import stop_on_signals
 from pipelines.doors import FpsOption, GridOption, SetupOption
@@ -116,6 +117,12 @@ def campaign_command(
             screen(errors=True).print(copy, soft_wrap=True)
         measured = done.summary["clips"]["done"]
         screen().print(f"{measured} clips measured; report: {done.report}")
+        if not parquet_is_written():
+            screen(errors=True).print(
+                "results.parquet was not written: pyarrow is not installed."
+                " If you need it: pip install 'impact-vision[parquet]'",
+                soft_wrap=True,
+            )
         if done.explained is not None:
             screen().print(done.explained, soft_wrap=True)
         if done.waiting:

@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ __all__ = [
     "clip_results",
     "match_clips",
     "not_counted",
+    "parquet_is_written",
     "read_lab_book",
     "recordings",
     "results_frame",
@@ -586,8 +588,13 @@ def _batches(rows: Iterator[dict[str, object]]) -> Iterator[list[dict[str, objec
         yield batch
 
 
+def parquet_is_written() -> bool:
+    """Whether pyarrow, of the extra ``parquet``, is installed."""
+    return find_spec("pyarrow") is not None
+
+
 def write_tables(frame: pd.DataFrame, folder: Path) -> None:
-    """Write ``results.csv``, ``.xlsx`` and ``.parquet``, each atomically.
+    """Write ``results.csv``, ``.xlsx`` and, where pyarrow is installed, ``.parquet``, atomically.
 
     Raises
     ------
@@ -608,8 +615,12 @@ def write_tables(frame: pd.DataFrame, folder: Path) -> None:
         write_text_whole(folder / "results.csv", buffer.getvalue())
         with written_whole(folder / "results.xlsx") as temporary:
             plain.to_excel(temporary, index=False, sheet_name="results")
-        with written_whole(folder / "results.parquet") as temporary:
-            _storable(frame, texts).to_parquet(temporary, index=False)
+        if parquet_is_written():
+            with written_whole(folder / "results.parquet") as temporary:
+                _storable(frame, texts).to_parquet(temporary, index=False)
+        else:
+            # one of an earlier run would no longer agree with the other tables
+            (folder / "results.parquet").unlink(missing_ok=True)
     except OSError as problem:
         raise UsageError(
             f"can't write the results to {folder}: {problem.strerror}",

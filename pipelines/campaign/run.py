@@ -9,7 +9,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import CancelledError, Future
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -33,6 +33,10 @@ _CREW_CHECK_S = 1.0
 _PAUSE_S_PER_WORKER, _MAX_PAUSE_S = 1e-4, 0.1
 """s: clips that end within this time share one transaction and one round of submissions (chosen:
 each worker has its next clip already, which takes longer)."""
+
+
+_END_PAUSE_S = 0.05
+"""s: between two rounds of ending workers (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -198,11 +202,47 @@ def _end_workers() -> None:
     with _STARTED_LOCK:
         for process in _STARTED:
             process.close()
-        _STARTED.clear()
+
+
+class _LocalCrew:
+    """Threads of this process, each with its own worker process."""
+
+    def __init__(self, pool: ThreadPoolExecutor, options: RunOptions, size: int) -> None:
+        self._pool, self._options, self.size = pool, options, size
+        self._pending: set[Future[dict[str, Any]]] = set()
+
+    def submit(self, request: Request) -> "Future[dict[str, Any]]":
+        future = self._pool.submit(measure_in_worker, request, self._options)
+        self._pending.add(future)
+        future.add_done_callback(self._pending.discard)
+        return future
+
+    def settle_lost(self) -> None:
+        """A thread settles its futures itself."""
+
+    def end(self) -> None:
+        """End all workers, even in the middle of a clip: the ledger has the clip measured again."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        while wait(tuple(self._pending), timeout=0.0).not_done:
+            # a thread may start a worker after the first round
+            _end_workers()
+            time.sleep(_END_PAUSE_S)
+        self._pool.shutdown()
+        _end_workers()
+
+
+@contextmanager
+def local_crew(jobs: int, options: RunOptions) -> Iterator[Crew]:
+    """Workers on this machine: `jobs` threads, each with a worker process."""
+    crew = _LocalCrew(ThreadPoolExecutor(jobs), options, jobs)
+    try:
+        yield crew
+    finally:
+        crew.end()
 
 
 class _DaskCrew:
-    """Threads or workers of a Dask cluster, each with its own process."""
+    """Workers of a Dask cluster, each with its own process."""
 
     def __init__(self, client: Any, options: RunOptions, size: int) -> None:
         self._client, self._options, self.size = client, options, size
@@ -254,31 +294,6 @@ class _DaskCrew:
             answered.set_result(reply)
 
 
-@contextmanager
-def local_crew(jobs: int, options: RunOptions) -> Iterator[Crew]:
-    """A Dask cluster on this machine: `jobs` threads, each with a worker process."""
-    import dask
-    from distributed import Client, LocalCluster
-
-    with (
-        dask.config.set({"distributed.worker.memory.target": False}),
-        LocalCluster(  # type: ignore[no-untyped-call]
-            n_workers=1,
-            threads_per_worker=jobs,
-            processes=False,
-            dashboard_address="127.0.0.1:0",
-            worker_dashboard_address="127.0.0.1:0",
-            memory_limit=0,
-            silence_logs=50,
-        ) as cluster,
-        Client(cluster) as client,  # type: ignore[no-untyped-call]
-    ):
-        try:
-            yield _DaskCrew(client, options, jobs)
-        finally:
-            _end_workers()
-
-
 JOB_QUEUES = {
     "slurm": "SLURMCluster",
     "pbs": "PBSCluster",
@@ -312,9 +327,16 @@ def cluster_crew(address: str, jobs: int, options: RunOptions) -> Iterator[Crew]
     Raises
     ------
     UsageError
-        If no scheduler answers at `address`, it has no workers, or the queue is unknown.
+        If Dask is not installed, no scheduler answers at `address`, it has no workers, or the queue
+        is unknown.
     """
-    from distributed import Client
+    try:
+        from distributed import Client
+    except ImportError as problem:
+        raise UsageError(
+            f"--dask {address} needs the package distributed, which is not installed",
+            hint="pip install 'impact-vision[cluster]', or omit --dask to use this machine.",
+        ) from problem
 
     with ExitStack() as held:
         scheduler: Any = address
@@ -363,7 +385,7 @@ def _job_queue(name: str, jobs: int) -> Iterator[Any]:
     except ImportError as problem:
         raise UsageError(
             f"--dask {name} needs the package dask-jobqueue",
-            hint="pip install dask-jobqueue, and describe the queue in "
+            hint="pip install 'impact-vision[cluster]', and describe the queue in "
             "~/.config/dask/jobqueue.yaml.",
         ) from problem
     kind: Any = module

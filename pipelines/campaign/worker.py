@@ -111,9 +111,10 @@ class WorkerProcess:
 
     def close(self) -> None:
         """End the process, if there is one."""
-        if self._process is not None:
-            self._process.kill()
-            self._put_away(self._process)
+        process = self._process
+        if process is not None:
+            process.kill()
+            self._put_away(process)
 
     def _running(self) -> "subprocess.Popen[str]":
         if self._process is None or self._process.poll() is not None:
@@ -151,9 +152,10 @@ class WorkerProcess:
             raise ClipWorkerDied(f"it needed more than {self._memory / 2**20:.0f} MB of memory")
 
     def _put_away(self, process: "subprocess.Popen[str]") -> int:
-        code = process.wait()
-        if self._pump is not None:
-            self._pump.join()
+        # the thread that asks and the one that closes may both come here
+        code, pump = process.wait(), self._pump
+        if pump is not None:
+            pump.join()
         if process.stdin is not None:
             with suppress(OSError):
                 # closing fails if unsent data has no reader

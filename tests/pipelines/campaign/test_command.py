@@ -197,3 +197,24 @@ def test_a_folder_with_somebody_elses_database_is_left_alone(lab: Path) -> None:
     ran = _campaign(lab)
     assert ran.exit_code == 2
     assert "not a campaign ledger" in ran.output
+
+
+def test_without_pyarrow_the_other_tables_are_written(
+    lab: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _campaign(lab)
+    assert (lab / "out" / "results.parquet").exists()
+    monkeypatch.setattr("pipelines.campaign.results.find_spec", lambda name: None)
+    ran = _campaign(lab)
+    assert ran.exit_code == 0, ran.output
+    assert "impact-vision[parquet]" in ran.output
+    assert len(pd.read_csv(lab / "out" / "results.csv")) == 3
+    assert not (lab / "out" / "results.parquet").exists()
+
+
+def test_without_dask_the_extra_is_named(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    ran = _campaign(lab, "--dask", "tcp://127.0.0.1:9")
+    assert ran.exit_code == 2
+    assert "impact-vision[cluster]" in ran.output
+    assert _campaign(lab).exit_code == 0
