@@ -1,7 +1,6 @@
-"""Coefficient of restitution: laws e(v), their parser, and least-squares fits.
+"""Coefficient of restitution: laws e(v) and their parser.
 
-Laws in text are parsed, never executed. Fits compare an exponential, a visco-elastic power law and
-a constant.
+Laws in text are parsed, never executed.
 """
 
 import ast
@@ -12,24 +11,18 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol, cast
 
 import numpy as np
-import scipy
 
-from metrology import DomainError, TooLittleDataError, UsageError
-from metrology.least_squares import Optimum, minimise
-from physics.domain import FloatArray, FloatOrArray, Number, require_positive
+from metrology import DomainError, UsageError
+from physics.domain import FloatOrArray, Number
 
 __all__ = [
     "ConstantCor",
-    "CorFit",
     "CorLaw",
     "ExponentialCor",
     "ExpressionCor",
-    "FittedParameter",
     "NoValueError",
     "PowerLawCor",
     "ShiftedCor",
-    "compare_cor_fits",
-    "fit_cor",
     "law_as_text",
     "parse_cor_law",
     "require_cor",
@@ -204,9 +197,9 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 _CONSTANTS = {"pi": math.pi, "e": math.e}
 
-_MAX_LAW_CHARACTERS = 500
+_MAX_LAW_CHARACTERS = 1000
 
-"""Maximum length of a law, characters (chosen: ten times the paper's laws)."""
+"""Maximum length of a law, characters: more than the mean of all fitted laws (cor.toml) has."""
 
 
 @dataclass(frozen=True)
@@ -380,226 +373,3 @@ def law_as_text(law: CorLaw) -> str | float:
         case ShiftedCor(law=inner, offset=offset, slope=slope, pivot_speed=pivot):
             return f"{law_as_text(inner)} + ({offset!r}) + ({slope!r})*(v - {pivot!r})"
     raise UsageError(f"a law of kind {type(law).__name__} has no formula")
-
-
-@dataclass(frozen=True)
-class FittedParameter:
-    """A parameter of a fit.
-
-    Attributes
-    ----------
-    name : str
-    value, std : float
-        Estimate and standard uncertainty; infinite where the data do not determine it.
-    low, high : float
-        95 % interval of Student's t with the fit's degrees of freedom.
-    """
-
-    name: str
-    value: float
-    std: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class CorFit:
-    """A fitted law.
-
-    Attributes
-    ----------
-    model : str
-        "exponential", "power" or "constant".
-    law : CorLaw
-    parameters : tuple of FittedParameter
-    chi2 : float
-        Sum of squared residuals over std² (over 1 where no std was given).
-    dof : int
-    aicc, bic : float
-        Corrected Akaike and Bayesian information criteria; infinite with too few points.
-    """
-
-    model: str
-    law: CorLaw
-    parameters: tuple[FittedParameter, ...]
-    chi2: float
-    dof: int
-    aicc: float
-    bic: float
-
-
-@dataclass(frozen=True)
-class _Form:
-    """A law with free parameters.
-
-    Attributes
-    ----------
-    model : str
-    names : tuple of str
-        Of the parameters.
-    bounds : tuple of (float, float)
-    value, slopes : callable
-        e at speeds (N,) m/s, and its derivatives by the parameters (N, P).
-    start : callable
-        Initial parameters from speeds and e.
-    law : callable
-        Parameters to the law.
-    """
-
-    model: str
-    names: tuple[str, ...]
-    bounds: tuple[tuple[float, float], ...]
-    value: Callable[..., FloatArray]
-    slopes: Callable[..., FloatArray]
-    start: Callable[[FloatArray, FloatArray], tuple[float, ...]]
-    law: Callable[..., CorLaw]
-
-
-def _exponential(v: FloatArray, amplitude: float, rate: float, floor: float) -> FloatArray:
-    return np.asarray(amplitude * np.exp(-rate * v) + floor)
-
-
-def _exponential_slopes(v: FloatArray, amplitude: float, rate: float, _: float) -> FloatArray:
-    decay = np.exp(-rate * v)
-    return np.stack([decay, -amplitude * v * decay, np.ones_like(v)], axis=1)
-
-
-def _exponential_start(v: FloatArray, cor: FloatArray) -> tuple[float, ...]:
-    amplitude = max(float(np.ptp(cor)), 0.02) * 1.5
-    rate = 1.0 / max(float(np.mean(v)), 0.1)
-    return amplitude, rate, float(np.min(cor)) - 0.02
-
-
-_FREE = (-math.inf, math.inf)
-_FORMS = {
-    form.model: form
-    for form in (
-        _Form(
-            "exponential",
-            ("amplitude", "rate", "floor"),
-            (_FREE, (1e-4, 20.0), (-1.0, 1.5)),
-            _exponential,
-            _exponential_slopes,
-            _exponential_start,
-            lambda amplitude, rate, floor: ExponentialCor(amplitude, rate, 0.0, floor),
-        ),
-        _Form(
-            "power",
-            ("coefficient",),
-            (_FREE,),
-            lambda v, coefficient: 1.0 - coefficient * v**0.2,
-            lambda v, _: -(v[:, np.newaxis] ** 0.2),
-            lambda v, cor: (0.2,),
-            PowerLawCor,
-        ),
-        _Form(
-            "constant",
-            ("value",),
-            (_FREE,),
-            lambda v, value: np.full_like(v, value),
-            lambda v, _: np.ones((len(v), 1)),
-            lambda v, cor: (float(np.mean(cor)),),
-            ConstantCor,
-        ),
-    )
-}
-
-
-def fit_cor(
-    speed: FloatArray, cor: FloatArray, std: FloatArray | None = None, *, model: str
-) -> CorFit:
-    """Fit one law of restitution by least squares.
-
-    Eqs 24 and 25 of the paper write a exp(−b v − c) + d; a and c are one parameter between them,
-    so the fit has amplitude = a exp(−c), rate = b and floor = d.
-
-    Parameters
-    ----------
-    speed, cor : (N,) array
-        m/s and 1.
-    std : (N,) array, optional
-        Standard uncertainty of each e; without it the residuals set the scale.
-    model : str
-        "exponential", "power" or "constant".
-
-    Returns
-    -------
-    CorFit
-
-    Raises
-    ------
-    TooLittleDataError
-        With fewer points than parameters.
-    DomainError
-        For an unknown model or speeds that are not positive.
-    """
-    if model not in _FORMS:
-        raise DomainError(f"unknown law {model!r}", hint=f"Laws: {', '.join(_FORMS)}.")
-    require_positive("the impact speed", speed, "m/s")
-    form = _FORMS[model]
-    count = len(form.names)
-    if len(speed) < count:
-        raise TooLittleDataError(f"{len(speed)} points can't determine {count} parameters")
-    weight = np.ones(len(speed)) if std is None else 1.0 / np.asarray(std)
-    low, high = np.transpose(form.bounds)
-    optimum = minimise(
-        lambda values: weight * (form.value(speed, *values) - cor),
-        form.start(speed, cor),
-        slopes=lambda values: weight[:, np.newaxis] * form.slopes(speed, *values),
-        low=low,
-        high=high,
-        tolerance=1e-14,
-        gradient_tolerance=1e-14,
-        most_evaluations=20_000,
-    )
-    return _report(form, optimum, absolute=std is not None)
-
-
-def compare_cor_fits(
-    speed: FloatArray, cor: FloatArray, std: FloatArray | None = None
-) -> tuple[CorFit, ...]:
-    """Fits of all laws that the number of points allows, best first.
-
-    The criterion is the corrected Akaike one, or BIC where there are too few points for it.
-    """
-    fits = []
-    for model, parameters in (("exponential", 3), ("power", 1), ("constant", 1)):
-        if len(speed) >= parameters:
-            fits.append(fit_cor(speed, cor, std, model=model))
-    if not fits:
-        raise TooLittleDataError("a law of restitution needs at least one point")
-    enough = all(math.isfinite(fit.aicc) for fit in fits)
-    return tuple(sorted(fits, key=lambda fit: fit.aicc if enough else fit.bic))
-
-
-def _report(form: _Form, optimum: Optimum, *, absolute: bool) -> CorFit:
-    points, free = optimum.jacobian.shape
-    dof = points - free
-    width = float(scipy.special.stdtrit(dof, 0.975)) if dof > 0 else math.inf
-    chi2 = float(np.sum(optimum.residuals**2))
-    scale = 1.0 if absolute else chi2 / dof if dof > 0 else math.inf
-    parameters = []
-    for name, value, variance in zip(
-        form.names, map(float, optimum.values), _variances(optimum.jacobian), strict=True
-    ):
-        std = math.sqrt(variance * scale) if math.isfinite(variance * scale) else math.inf
-        half = 1.96 * std if absolute else width * std
-        parameters.append(FittedParameter(name, value, std, value - half, value + half))
-    # Without std the residuals' scale counts as one more parameter.
-    count = free if absolute else free + 1
-    deviance = chi2 if absolute else points * math.log(max(chi2, 1e-30) / points)
-    spare = points - count - 1
-    aicc = deviance + 2 * count + (2 * count * (count + 1) / spare if spare > 0 else math.inf)
-    law = form.law(*map(float, optimum.values))
-    bic = deviance + count * math.log(points)
-    return CorFit(form.model, law, tuple(parameters), chi2, dof, aicc, bic)
-
-
-def _variances(jacobian: FloatArray) -> FloatArray:
-    """Variances of the parameters for residuals of std 1; infinite if the data leave one free."""
-    count = jacobian.shape[1]
-    if np.linalg.matrix_rank(jacobian) < count:
-        return np.full(count, np.inf)
-    # Factorised: the product of the Jacobian with itself would have half the digits.
-    root = np.linalg.solve(np.linalg.qr(jacobian, mode="r"), np.eye(count))
-    return np.asarray(np.sum(root**2, axis=1))

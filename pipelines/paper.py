@@ -45,6 +45,7 @@ from physics.bodies import (
     lost_by_pendulum_approximate,
 )
 from physics.contact import ContactOutcome, contact_outcomes, external_impulse
+from physics.cor_fit import CorLawFit, CorPoints, LawKind, fit_cor_laws
 from physics.domain import FloatArray
 from physics.flight import FlightPath, fly, land_many
 from physics.forward import (
@@ -59,7 +60,7 @@ from physics.forward import (
     speed_for_distance,
     time_resolved_landing,
 )
-from physics.restitution import ConstantCor, CorFit, CorLaw, ExponentialCor, compare_cor_fits
+from physics.restitution import ConstantCor, CorLaw, ExponentialCor
 from physics.swing import backswing_for_speed, frictionless_speed
 from pipelines.doors import FileRole
 from pipelines.model import BLUE, GRAY, ORANGE, saved_figure
@@ -952,7 +953,7 @@ def swing_checks() -> tuple[SwingCheck, ...]:
     return tuple(found)
 
 
-def implied_fits(name: str) -> tuple[CorFit, ...]:
+def implied_fits(name: str) -> tuple[CorLawFit, ...]:
     """Laws of restitution fitted to the four e implied by Table 6, the preferred first.
 
     The uncertainty is that of the table's last digit.
@@ -961,7 +962,14 @@ def implied_fits(name: str) -> tuple[CorFit, ...]:
     share = PAPER_EFFECTIVE_MASS * ball.mass / (PAPER_EFFECTIVE_MASS + ball.mass) * speeds
     impulse = np.array([float(text) for text in TABLE_6[name]["variable"]])
     std = np.asarray(1e-4 / math.sqrt(12.0) / share)
-    return compare_cor_fits(speeds, np.asarray(impulse / share - 1.0), std)
+    points = CorPoints(
+        speed=speeds,
+        cor=np.asarray(impulse / share - 1.0),
+        std=std,
+        shared=np.zeros((len(speeds), 0)),
+        session=np.zeros(len(speeds), dtype=np.int64),
+    )
+    return fit_cor_laws(points, strike_scatter=False)
 
 
 def draw_sensitivities(path: Path) -> None:
@@ -1490,12 +1498,12 @@ def _fits_section() -> str:
     for name in BALLS:
         for fit in implied_fits(name):
             values = ", ".join(
-                f"{p.name} {p.value:.4f} ({p.low:.4f} to {p.high:.4f})" for p in fit.parameters
+                f"{key} {p.value:.4f} ({p.low:.4f} to {p.high:.4f})"
+                for key, p in fit.parameters.items()
+                if fit.law is not LawKind.FREE
             )
-            rows.append(
-                (name, fit.model, values, str(fit.dof), f"{fit.chi2:.3g}", f"{fit.bic:.4g}")
-            )
-    return _table(("ball", "law", "parameters (95 %)", "dof", "χ²", "BIC"), rows)
+            rows.append((name, str(fit.law), values, f"{fit.probability:.3g}"))
+    return _table(("ball", "law", "parameters (95 %)", "probability"), rows)
 
 
 def sections() -> dict[str, str]:

@@ -1,404 +1,45 @@
 """Campaign statistics: restitution laws, precision, outliers, agreement, ranges.
 
-Restitution law. Clip k of session s gives e_k at impact speed v_k,
-
-    e_k = f(v_k; θ) + u_s + ε_k + Σ_j g_kj z_j,
-
-with ε_k ~ N(0, std_k² + σ²) the clip's own error and the strike-to-strike variation,
-u_s ~ N(0, τ²) the session effect, z_j ~ N(0, 1) the inputs shared by all clips (masses, inertia,
-tape) and g_kj the change of e_k per standard uncertainty of input j. Every law is linear in its
-parameters except for the rate of the exponential: the linear ones are integrated exactly, rate, σ
-and τ on a grid (Gelman et al., Bayesian Data Analysis, 3rd ed., ch. 5 and 14).
+The law of restitution is fitted by `physics.cor_fit`; clips with the same back-swing in the lab
+book share a level.
 
 Repeatability and reproducibility follow ISO 5725-2, the agreement of camera and sensor Bland and
 Altman (Lancet 327, 307, 1986), outliers the generalised ESD test (Rosner, Technometrics 25, 165,
 1983). Ranges of three models are compared with those measured, as in the paper's Table 5.
 """
 
-import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
-from scipy.special import logsumexp
 from scipy.stats import chi2
 from scipy.stats import t as student
 
 from metrology import TooLittleDataError, UsageError
-from metrology.least_squares import minimise
 from physics.bodies import Ball, lost_by_pendulum, lost_by_pendulum_approximate
 from physics.contact import external_impulse
+from physics.cor_fit import CorLawFit, CorPoints, fit_cor_laws, repeated_levels
 from physics.forward import Experiment, closed_form_landing, impulsive_launch, numerical_landing
 from pipelines.campaign.results import SENSORS, ClipResult, SensorColumn
 from pipelines.model import choose_ball, experiment_of
-from pipelines.setup.cor_file import PARAMETERS, LawKind
 from pipelines.setup.file import Setup
 
 __all__ = [
     "Agreement",
-    "AveragedLaw",
     "BallAnalysis",
     "CampaignAnalysis",
-    "CorLawFit",
-    "CorPoints",
-    "Estimate",
     "Outlier",
     "Precision",
     "SensorAnalysis",
     "agreement",
     "analyse",
     "find_outliers",
-    "fit_cor_laws",
     "precision",
 ]
 
 FloatArray = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class CorPoints:
-    """Coefficients of restitution of one ball, N clips with J shared inputs.
-
-    Attributes
-    ----------
-    speed : (N,) array
-        Impact speed, m/s.
-    cor : (N,) array
-    std : (N,) array
-        Standard uncertainty of each clip, without the shared inputs.
-    shared : (N, J) array
-        Change of e per standard uncertainty of each shared input.
-    session : (N,) int array
-        Number of the session, from 0.
-    """
-
-    speed: FloatArray
-    cor: FloatArray
-    std: FloatArray
-    shared: FloatArray
-    session: NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A number with standard uncertainty and 95 % interval."""
-
-    value: float
-    std: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class CorLawFit:
-    """One law with its posterior.
-
-    Attributes
-    ----------
-    law : LawKind
-    parameters : dict of str to Estimate
-        exponential: e = a exp(−b v) + d, b in s/m; power: e = 1 − a v^(1/5); constant: e = d.
-    covariance : (P, P) array
-        Of the parameters, in that order, in the directions that change the curve.
-    log_evidence : float
-    probability : float
-        Among the laws compared.
-    strike_scatter, session_scatter : Estimate
-        σ and τ.
-    speeds : (2,) tuple of float
-        Range of the impact speeds fitted, m/s.
-    draws : (K, P + 2) array
-        Equally likely parameters, σ and τ.
-    """
-
-    law: LawKind
-    parameters: dict[str, Estimate]
-    covariance: FloatArray
-    log_evidence: float
-    probability: float
-    strike_scatter: Estimate
-    session_scatter: Estimate
-    speeds: tuple[float, float]
-    draws: FloatArray
-
-    def at(self, speed: float) -> Estimate:
-        """Coefficient of restitution of the law at an impact speed, m/s."""
-        return _summary(_evaluate(self.law, self.draws, speed))
-
-    def next_strike(self, speed: float) -> Estimate:
-        """Predict the next strike at that speed, m/s, in a new session."""
-        scatter = np.hypot(self.draws[:, -2], self.draws[:, -1])
-        noise = np.random.default_rng(_SEED).standard_normal(len(scatter))
-        return _summary(_evaluate(self.law, self.draws, speed) + scatter * noise)
-
-
-@dataclass(frozen=True)
-class AveragedLaw:
-    """Average of all laws, weighted by their probabilities (Hoeting et al. 1999).
-
-    The band of the most probable law alone would omit the uncertainty about the law itself.
-
-    Attributes
-    ----------
-    fits : tuple of CorLawFit
-        Of one ball.
-    """
-
-    fits: tuple[CorLawFit, ...]
-
-    def at(self, speed: float) -> Estimate:
-        """Coefficient of restitution at an impact speed, m/s."""
-        return _summary(self._values(speed, next_strike=False))
-
-    def next_strike(self, speed: float) -> Estimate:
-        """Predict the next strike at that speed, m/s, in a new session."""
-        return _summary(self._values(speed, next_strike=True))
-
-    def _values(self, speed: float, *, next_strike: bool) -> FloatArray:
-        parts = []
-        for fit in self.fits:
-            # draws are equally likely: take a number proportional to the law's probability
-            chosen = np.random.default_rng(_SEED).permutation(len(fit.draws))
-            draws = fit.draws[chosen[: round(fit.probability * len(fit.draws))]]
-            values = _evaluate(fit.law, draws, speed)
-            if next_strike:
-                noise = np.random.default_rng(_SEED).standard_normal(len(draws))
-                values = values + np.hypot(draws[:, -2], draws[:, -1]) * noise
-            parts.append(values)
-        return np.concatenate(parts)
-
-
-_SEED = 20
-"""Random seed: any value; fixed so that results repeat."""
-
-_DRAWS = 4000
-"""Number of posterior draws: sampling adds 1/√(2·4000) = 1 % to a standard uncertainty."""
-
-_CURVE_SPEEDS = 12
-"""Number of speeds at which curves are compared: a law has at most one bend."""
-
-_MIN_RELATIVE_SINGULAR = 1e-4
-"""Relative singular value below which a parameter direction is dropped: it changes the curve 10 000
-times less than the strongest direction."""
-
-_POWER = 0.2
-"""Exponent: leading term for visco-elastic spheres (Kuwabara and Kono 1987)."""
-
-_RATES = np.geomspace(0.03, 3.0, 48)
-"""Grid of rates, s/m, log-uniform prior: at 0.03 the exponential is straight over a pendulum's
-speed range, at 3 it has decayed before the slowest strike."""
-
-_SCATTERS = np.concatenate([[0.0], np.geomspace(5e-4, 0.1, 14)])
-"""Grid of σ and τ, dimensionless: 0.0005 is below any camera's resolution, 0.1 exceeds the
-difference between a new and a flat ball."""
-
-_TYPICAL_SCATTER = 0.01
-"""Scale of the half-Cauchy prior of σ and τ, dimensionless: repeated drops of one ball vary by
-about 0.01 (ITTF and FIBA rebound tests allow 0.02 to 0.04 between balls)."""
-
-_PRIOR = {
-    LawKind.EXPONENTIAL: ((0.15, 0.3), (0.65, 0.3)),
-    LawKind.POWER: ((0.25, 0.25),),
-    LawKind.CONSTANT: ((0.7, 0.3),),
-}
-"""Mean and standard deviation of the linear parameters, dimensionless: e lies between 0 and 1."""
-
-
-def fit_cor_laws(points: CorPoints) -> tuple[CorLawFit, ...]:
-    """Fit the three laws; the most probable comes first.
-
-    Raises
-    ------
-    TooLittleDataError
-        With fewer than three clips: standard deviation and level can't be separated.
-    """
-    if len(points.speed) < 3:
-        raise TooLittleDataError(
-            f"{len(points.speed)} clips of this ball are too few for a law of restitution",
-            hint="Measure at least three, better five at each of three speeds.",
-        )
-    fits = [_fit(law, points) for law in LawKind]
-    total = logsumexp([fit.log_evidence for fit in fits])
-    weighed = [_with_probability(fit, float(np.exp(fit.log_evidence - total))) for fit in fits]
-    return tuple(sorted(weighed, key=lambda fit: -fit.probability))
-
-
-def _with_probability(fit: CorLawFit, probability: float) -> CorLawFit:
-    values = {name: getattr(fit, name) for name in fit.__dataclass_fields__}
-    return CorLawFit(**{**values, "probability": probability})
-
-
-@dataclass(frozen=True)
-class _Posterior:
-    """Gaussian posterior of the linear parameters at one point of the grid."""
-
-    log_weight: float
-    mean: FloatArray
-    factor: FloatArray
-    rate: float
-    scatter: tuple[float, float]
-
-
-def _fit(law: LawKind, points: CorPoints) -> CorLawFit:
-    sessions = len(np.unique(points.session))
-    rates: Sequence[float] = _RATES.tolist() if law is LawKind.EXPONENTIAL else [0.0]
-    between: Sequence[float] = _SCATTERS.tolist() if sessions > 1 else [0.0]
-    grid = [
-        posterior
-        for sigma, tau in itertools.product(_SCATTERS.tolist(), between)
-        for posterior in _given_scatter(law, points, sigma, tau, rates)
-    ]
-    weights = np.array([item.log_weight for item in grid])
-    evidence = float(logsumexp(weights))
-    draws = _drawn(law, grid, np.exp(weights - evidence))
-    names = PARAMETERS[law]
-    columns = draws[:, : len(names)]
-    speeds = np.linspace(points.speed.min(), points.speed.max(), _CURVE_SPEEDS)
-    values, covariance = _along_curve(law, draws, speeds)
-    return CorLawFit(
-        law=law,
-        parameters={
-            name: _about(value, column)
-            for name, value, column in zip(names, values.tolist(), columns.T, strict=True)
-        },
-        covariance=covariance,
-        log_evidence=evidence,
-        probability=1.0,
-        strike_scatter=_summary(draws[:, -2]),
-        session_scatter=_summary(draws[:, -1]),
-        speeds=(float(points.speed.min()), float(points.speed.max())),
-        draws=draws,
-    )
-
-
-def _given_scatter(
-    law: LawKind, points: CorPoints, sigma: float, tau: float, rates: Sequence[float]
-) -> list[_Posterior]:
-    """Exact posteriors of the linear parameters for each rate, at given σ and τ."""
-    common = [points.shared]
-    if tau > 0:
-        common.append(tau * np.eye(int(points.session.max()) + 1)[points.session])
-    own = points.std**2 + sigma**2
-    solve, log_det = _whitener(own, np.hstack(common))
-    prior = np.array(_PRIOR[law])
-    log_prior = _log_scatter_prior(sigma) + _log_scatter_prior(tau) - float(np.log(len(rates)))
-    bases, offset = _bases(law, points.speed, np.asarray(rates))
-    columns = bases.transpose(1, 0, 2).reshape(len(points.speed), -1)
-    solved = solve(columns).reshape(len(points.speed), *bases.shape[::2]).transpose(1, 0, 2)
-    residual = points.cor - offset - bases @ prior[:, 0]
-    precision = np.diag(prior[:, 1] ** -2.0) + np.swapaxes(bases, 1, 2) @ solved
-    factor = np.linalg.cholesky(precision)
-    pull = np.einsum("rnp,rn->rp", solved, residual)
-    step = np.linalg.solve(precision, pull[..., None])[..., 0]
-    chi2 = np.einsum("rn,nr->r", residual, solve(residual.T)) - np.einsum("rp,rp->r", pull, step)
-    log_volume = 2 * np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-    log_volume += 2 * np.log(prior[:, 1]).sum() + residual.shape[1] * np.log(2 * np.pi)
-    weight = log_prior - 0.5 * (chi2 + log_det + log_volume)
-    return [
-        _Posterior(float(weight[r]), prior[:, 0] + step[r], factor[r], rate, (sigma, tau))
-        for r, rate in enumerate(rates)
-    ]
-
-
-def _whitener(own: FloatArray, common: FloatArray):  # type: ignore[no-untyped-def]
-    """Solve with diag(own) + common commonᵀ by Woodbury's identity; and its log determinant."""
-    scaled = common / own[:, None]
-    inner = cho_factor(np.eye(common.shape[1]) + common.T @ scaled, lower=True)
-
-    def solve(right: FloatArray) -> FloatArray:
-        part = right / (own if right.ndim == 1 else own[:, None])
-        return np.asarray(part - scaled @ cho_solve(inner, scaled.T @ right))
-
-    log_det = float(np.log(own).sum() + 2 * np.log(np.diag(inner[0])).sum())
-    return solve, log_det
-
-
-def _log_scatter_prior(scatter: float) -> float:
-    """Half-Cauchy density times the width of the grid's cell, normalised over the grid."""
-    edges = np.concatenate([[0.0], np.sqrt(_SCATTERS[1:-1] * _SCATTERS[2:]), [np.inf]])
-    edges = np.concatenate([[0.0], [_SCATTERS[1] / 2], edges[1:]])
-    index = int(np.searchsorted(_SCATTERS, scatter))
-    mass = 2 / np.pi * np.diff(np.arctan(edges / _TYPICAL_SCATTER))
-    return float(np.log(mass[index]))
-
-
-def _bases(law: LawKind, speed: FloatArray, rates: FloatArray) -> tuple[FloatArray, float]:
-    """Columns (R, N, P) multiplied by the linear parameters, and the constant term."""
-    if law is LawKind.EXPONENTIAL:
-        decay = np.exp(-rates[:, None] * speed)
-        return np.stack([decay, np.ones_like(decay)], axis=2), 0.0
-    if law is LawKind.POWER:
-        return -(speed[None, :, None] ** _POWER), 1.0
-    return np.ones((1, len(speed), 1)), 0.0
-
-
-def _drawn(law: LawKind, grid: Sequence[_Posterior], weights: FloatArray) -> FloatArray:
-    rng = np.random.default_rng(_SEED)
-    rows = []
-    counts = rng.multinomial(_DRAWS, weights / weights.sum())
-    for item, count in zip(grid, counts, strict=True):
-        if count == 0:
-            continue
-        normal = rng.standard_normal((len(item.mean), count))
-        linear = (item.mean[:, None] + np.linalg.solve(item.factor.T, normal)).T
-        if law is LawKind.EXPONENTIAL:
-            # spread the rate over its cell of the logarithmic grid
-            cell = np.log(_RATES[1] / _RATES[0])
-            rate = item.rate * np.exp(cell * (rng.random(count) - 0.5))
-            linear = np.stack([linear[:, 0], rate, linear[:, 1]], axis=1)
-        scatter = np.broadcast_to(item.scatter, (count, 2))
-        rows.append(np.hstack([linear, scatter]))
-    return np.vstack(rows)
-
-
-def _along_curve(
-    law: LawKind, draws: FloatArray, speeds: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Parameters of the law nearest to the mean curve, and the covariance of that curve.
-
-    Amplitude, rate and floor of an exponential are strongly and nonlinearly correlated: their means
-    describe no probable curve and their covariance overstates the curve's. Hence the curve's
-    covariance is mapped to the parameters through its derivatives.
-    """
-    curves = np.stack([_evaluate(law, draws, float(v)) for v in speeds], axis=1)
-    count = len(PARAMETERS[law])
-    start = draws[:, :count].mean(axis=0)
-    mean = curves.mean(axis=0)
-
-    def away(values: FloatArray) -> FloatArray:
-        return np.asarray(_evaluate_at(law, values, speeds) - mean)
-
-    near = minimise(away, start)
-    inverse: NDArray[np.floating] = np.linalg.pinv(near.jacobian, rcond=_MIN_RELATIVE_SINGULAR)
-    covariance = inverse @ np.atleast_2d(np.cov(curves, rowvar=False)) @ inverse.T
-    return near.values, np.asarray(0.5 * (covariance + covariance.T))
-
-
-def _evaluate_at(law: LawKind, values: FloatArray, speeds: FloatArray) -> FloatArray:
-    return np.array([float(_evaluate(law, values[None, :], float(v))[0]) for v in speeds])
-
-
-def _about(value: float, draws: FloatArray) -> Estimate:
-    """Standard deviation of the draws about a value that need not be their mean."""
-    low, high = np.quantile(draws, [0.025, 0.975])
-    std = float(np.sqrt(np.mean((draws - value) ** 2)))
-    return Estimate(float(value), std, float(low), float(high))
-
-
-def _evaluate(law: LawKind, draws: FloatArray, speed: float) -> FloatArray:
-    if law is LawKind.EXPONENTIAL:
-        return np.asarray(draws[:, 0] * np.exp(-draws[:, 1] * speed) + draws[:, 2])
-    if law is LawKind.POWER:
-        return np.asarray(1.0 - draws[:, 0] * speed**_POWER)
-    return np.asarray(draws[:, 0])
-
-
-def _summary(values: FloatArray) -> Estimate:
-    low, high = np.quantile(values, [0.025, 0.975])
-    return Estimate(float(values.mean()), float(values.std(ddof=1)), float(low), float(high))
 
 
 @dataclass(frozen=True)
@@ -815,7 +456,15 @@ def _points(clips: Sequence[ClipResult]) -> CorPoints:
         own = np.hypot(own, slope * speed_std)
     sessions = sorted({clip.session for clip in clips})
     numbers = np.array([sessions.index(clip.session) for clip in clips])
-    return CorPoints(speed, cor, own, shared, numbers)
+    return CorPoints(speed, cor, own, shared, numbers, _levels(clips))
+
+
+def _levels(clips: Sequence[ClipResult]) -> NDArray[np.int64] | None:
+    """Clips of the same back-swing in the lab book; None without repeats or lab book."""
+    given = [None if clip.strike is None else clip.strike.backswing_deg for clip in clips]
+    if None in given:
+        return None
+    return repeated_levels(np.array(given, dtype=np.float64))
 
 
 def _shared(clips: Sequence[ClipResult]) -> FloatArray:

@@ -13,16 +13,10 @@ import numpy as np
 import pandas as pd
 
 from metrology import ImpactVisionError, MeasurementError, UsageError, write_text_whole
+from physics.cor_fit import AveragedLaw, Estimate, LawKind, lack_of_fit
 from pipelines.api.explained import explain as find_missing_physics
 from pipelines.api.quantities import measure_options, setup_from
-from pipelines.campaign.analysis import (
-    AveragedLaw,
-    BallAnalysis,
-    CampaignAnalysis,
-    CorLawFit,
-    Estimate,
-    analyse,
-)
+from pipelines.campaign.analysis import BallAnalysis, CampaignAnalysis, analyse
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State, lock_folder
 from pipelines.campaign.report import ReportFacts, draw_figures, write_figures, write_report
 from pipelines.campaign.results import (
@@ -50,7 +44,7 @@ from pipelines.campaign.run import (
     run,
 )
 from pipelines.measure.files import software_version
-from pipelines.setup.cor_file import BallLaw, FittedLaw, with_laws, write_cor_file
+from pipelines.setup.cor_file import BallLaw, ball_law, with_laws, write_cor_file
 from pipelines.setup.file import Setup, ball_from_option
 from pipelines.setup.tables import checked_values
 
@@ -114,40 +108,10 @@ def summarise(results: Sequence[ClipResult], analysis: CampaignAnalysis) -> dict
 def laws_of(analysis: CampaignAnalysis) -> dict[str, BallLaw]:
     """The laws of each ball with their probabilities, for `simulate`, `plan` and `explain`."""
     return {
-        ball.ball or "ball": _ball_law(ball.ball or "ball", ball.fits)
+        ball.ball or "ball": ball_law(ball.ball or "ball", ball.fits)
         for ball in analysis.balls
         if ball.fits
     }
-
-
-_MIN_LAW_PROBABILITY = 1e-3
-"""Probability below which a law is dropped: it changes the mean curve by less than 0.1 % of
-its difference from it."""
-
-
-def _ball_law(name: str, fits: Sequence[CorLawFit]) -> BallLaw:
-    kept = [fit for fit in fits if fit.probability >= _MIN_LAW_PROBABILITY]
-    total = sum(fit.probability for fit in kept)
-    return BallLaw(
-        ball=name,
-        laws=tuple(
-            FittedLaw(
-                fit.law,
-                {key: item.value for key, item in fit.parameters.items()},
-                fit.covariance,
-                fit.probability / total,
-            )
-            for fit in kept
-        ),
-        speeds=fits[0].speeds,
-        strike_scatter=_mean([fit.strike_scatter.value for fit in kept], kept),
-        session_scatter=_mean([fit.session_scatter.value for fit in kept], kept),
-    )
-
-
-def _mean(values: Sequence[float], fits: Sequence[CorLawFit]) -> float:
-    weights = [fit.probability for fit in fits]
-    return sum(v * w for v, w in zip(values, weights, strict=True)) / sum(weights)
 
 
 def _ball(ball: BallAnalysis) -> dict[str, Any]:
@@ -165,6 +129,8 @@ def _ball(ball: BallAnalysis) -> dict[str, Any]:
         "covariance": fit.covariance.tolist(),
         "strike_scatter": _estimate(fit.strike_scatter),
         "session_scatter": _estimate(fit.session_scatter),
+        "level_scatter": _estimate(fit.level_scatter),
+        "lack_of_fit_p": _lack_of_fit_p(ball),
         "cor_at": [_at(AveragedLaw(ball.fits), speed) for speed in speeds],
         "laws": {str(other.law): other.probability for other in ball.fits},
         "precision": None
@@ -178,6 +144,12 @@ def _ball(ball: BallAnalysis) -> dict[str, Any]:
         },
         "range_rms_m": None if ball.ranges is None else ball.ranges.rms(),
     }
+
+
+def _lack_of_fit_p(ball: BallAnalysis) -> float | None:
+    """Of the most probable parametric law; None without repeats."""
+    law = next(fit.law for fit in ball.fits if fit.law is not LawKind.FREE)
+    return None if ball.points is None else lack_of_fit(law, ball.points).p
 
 
 def _estimate(item: Estimate) -> dict[str, Any]:

@@ -18,7 +18,8 @@ from metrology import write_text_whole
 from metrology.files import written_whole
 from metrology.quantity import format_pair
 from physics import bodies
-from pipelines.campaign.analysis import AveragedLaw, BallAnalysis, CampaignAnalysis, SensorAnalysis
+from physics.cor_fit import AveragedLaw
+from pipelines.campaign.analysis import BallAnalysis, CampaignAnalysis, SensorAnalysis
 from pipelines.campaign.ledger import State
 from pipelines.campaign.results import SENSORS, ClipResult
 
@@ -491,7 +492,9 @@ def _ball(ball: BallAnalysis) -> dict[str, object]:
 _FORMULA = {
     "exponential": "e = a exp(−b v) + d",
     "power": "e = 1 − a v^(1/5)",
+    "linear": "e = d + k v",
     "constant": "e = d",
+    "free": "monotone curve through e1 … e9, evenly over the speeds",
 }
 
 

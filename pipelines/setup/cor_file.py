@@ -3,12 +3,14 @@
 ::
 
     [balls.jokku]
-    law = "exponential"         # e = a exp(-b v) + d; power: e = 1 - a v^(1/5); constant: d
+    law = "exponential"         # e = a exp(-b v) + d; power: e = 1 - a v^(1/5); constant: d;
+                                # linear: d + k v; free: e1 ... e9, evenly over the speeds
     parameters = { a = 0.1073, b = 0.2685, d = 0.6746 }
     covariance = [[…], […], […]]         # of the parameters, in that order; b in s/m
     speeds = [1.12, 3.92]                # m/s, between which it was fitted
     strike_scatter = 0.005               # one sigma, strike to strike
     session_scatter = 0.002              # one sigma, session to session
+    level_scatter = 0.003                # one sigma, level (setting) to level
     probability = 0.88                   # of this law, the most probable; default 1
 
     [[balls.jokku.other_laws]]           # further laws compatible with the strikes, same keys
@@ -21,9 +23,8 @@ The law used is the mean of the laws, weighted by probability; its uncertainty i
 choice of law (Hoeting et al., Statistical Science 14, 382, 1999).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -33,6 +34,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from metrology import SetupError, UsageError, parse_toml, read_small_text, write_text_whole
 from physics.bodies import Ball
+from physics.cor_fit import KNOTS, PARAMETERS, CorLawFit, LawKind, curve
 from physics.domain import FloatArray
 from physics.forward import PlanScatter
 from physics.restitution import (
@@ -48,28 +50,13 @@ from pipelines.setup.tables import Setup
 __all__ = [
     "BallLaw",
     "FittedLaw",
-    "LawKind",
+    "ball_law",
     "law_of_ball",
     "read_cor_file",
     "with_laws",
     "write_cor_file",
 ]
 
-
-class LawKind(StrEnum):
-    """The laws that a campaign fits."""
-
-    EXPONENTIAL = "exponential"
-    POWER = "power"
-    CONSTANT = "constant"
-
-
-PARAMETERS = {
-    LawKind.EXPONENTIAL: ("a", "b", "d"),
-    LawKind.POWER: ("a",),
-    LawKind.CONSTANT: ("d",),
-}
-"""Names in the order of the covariance."""
 
 _MAX_SUM_ERROR = 1e-3
 """Maximum deviation of the sum of probabilities from 1 (chosen: rounding to three digits)."""
@@ -86,22 +73,25 @@ class FittedLaw:
     ----------
     kind : LawKind
     parameters : mapping of str to float
-        exponential: e = a exp(−b v) + d, b in s/m; power: e = 1 − a v^(1/5); constant: e = d.
+        As `PARAMETERS`; b and k in s/m.
     covariance : (P, P) array
         Of the parameters, in the order of `PARAMETERS`.
     probability : float
         In (0, 1].
+    speeds : (2,) tuple of float
+        m/s, over which the free form has its knots.
     """
 
     kind: LawKind
     parameters: Mapping[str, float]
     covariance: FloatArray
     probability: float = 1.0
+    speeds: tuple[float, float] = (1.0, 4.0)
 
     @property
     def law(self) -> CorLaw:
-        """The law e(v)."""
-        return _law(self.kind, self._vector)
+        """The law e(v); of the free form, straight between its knots."""
+        return _law(self.kind, self._vector, self.speeds)
 
     @property
     def _vector(self) -> FloatArray:
@@ -109,7 +99,10 @@ class FittedLaw:
 
     def value_at(self, speed: float) -> float:
         """Coefficient of restitution at an impact speed, m/s, also outside (0, 1]."""
-        return _value(self.kind, self._vector, speed)
+        return self._value(self._vector, speed)
+
+    def _value(self, vector: FloatArray, speed: float) -> float:
+        return float(curve(self.kind, vector[None, :], np.array([speed]), self.speeds)[0, 0])
 
     def std_at(self, speed: float) -> float:
         """Standard uncertainty of the law at an impact speed, m/s."""
@@ -117,8 +110,8 @@ class FittedLaw:
         slope = np.array(
             [
                 (
-                    _value(self.kind, centre + PARAMETER_STEP * axis, speed)
-                    - _value(self.kind, centre - PARAMETER_STEP * axis, speed)
+                    self._value(centre + PARAMETER_STEP * axis, speed)
+                    - self._value(centre - PARAMETER_STEP * axis, speed)
                 )
                 / (2.0 * PARAMETER_STEP)
                 for axis in np.eye(len(centre))
@@ -138,8 +131,8 @@ class BallLaw:
         Laws compared, the most probable first; their probabilities sum to 1.
     speeds : (2,) tuple of float
         m/s, range of the fit.
-    strike_scatter, session_scatter : float
-        One sigma, strike to strike and session to session.
+    strike_scatter, session_scatter, level_scatter : float
+        One sigma, strike to strike, session to session and level to level.
     """
 
     ball: str
@@ -147,6 +140,7 @@ class BallLaw:
     speeds: tuple[float, float]
     strike_scatter: float = 0.0
     session_scatter: float = 0.0
+    level_scatter: float = 0.0
 
     @property
     def law(self) -> CorLaw:
@@ -166,34 +160,72 @@ class BallLaw:
 
     def scatter_at(self, speed: float, scatter: PlanScatter) -> PlanScatter:
         """Scatter with the campaign's restitution at an impact speed, m/s."""
-        own = float(np.hypot(self.strike_scatter, self.session_scatter))
-        return replace(scatter, cor_law=self.std_at(speed), cor=own or scatter.cor)
+        return replace(scatter, cor_law=self.std_at(speed), cor=self.scatter or scatter.cor)
+
+    @property
+    def scatter(self) -> float:
+        """One sigma of a strike in a new session at a new level."""
+        return float(
+            np.linalg.norm([self.strike_scatter, self.session_scatter, self.level_scatter])
+        )
 
     def struck(self, ball: Ball) -> Ball:
         """The ball with this law and its speed range."""
         return replace(ball, cor=self.law, cor_range=self.speeds)
 
 
-def _value(kind: LawKind, vector: FloatArray, speed: float) -> float:
+def _law(kind: LawKind, vector: FloatArray, speeds: tuple[float, float]) -> CorLaw:
+    values = [float(v) for v in vector]
     match kind:
         case LawKind.EXPONENTIAL:
-            a, b, d = vector
-            return float(a * np.exp(-b * speed) + d)
-        case LawKind.POWER:
-            return float(1.0 - vector[0] * speed**0.2)
-        case LawKind.CONSTANT:
-            return float(vector[0])
-
-
-def _law(kind: LawKind, vector: FloatArray) -> CorLaw:
-    match kind:
-        case LawKind.EXPONENTIAL:
-            a, b, d = (float(v) for v in vector)
+            a, b, d = values
             return ExponentialCor(a, b, 0.0, d)
         case LawKind.POWER:
-            return PowerLawCor(float(vector[0]))
+            return PowerLawCor(values[0])
+        case LawKind.LINEAR:
+            return ExpressionCor(f"{values[0]!r} + ({values[1]!r})*v")
         case LawKind.CONSTANT:
-            return ConstantCor(float(vector[0]))
+            return ConstantCor(values[0])
+    return ExpressionCor(_free_text(vector, speeds))
+
+
+def _free_text(vector: FloatArray, speeds: tuple[float, float]) -> str:
+    """Formula of the straight lines between the knots; the end slopes continue beyond them."""
+    knots = np.linspace(*speeds, KNOTS)
+    slopes = np.diff(vector) / np.diff(knots)
+    bends = zip(np.diff(slopes), knots[1:-1], strict=True)
+    hinges = " + ".join(f"({bend:.6g})*max(v - {knot:.6g}, 0)" for bend, knot in bends)
+    return f"{vector[0]:.8g} + ({slopes[0]:.8g})*(v - {knots[0]:.6g}) + {hinges}"
+
+
+_MIN_LAW_PROBABILITY = 1e-3
+"""Probability below which a law is dropped: it changes the mean curve by less than 0.1 % of
+its difference from it."""
+
+
+def ball_law(name: str, fits: Sequence[CorLawFit]) -> BallLaw:
+    """The fits of a ball in the form that the file keeps."""
+    kept = [fit for fit in fits if fit.probability >= _MIN_LAW_PROBABILITY]
+    total = sum(fit.probability for fit in kept)
+    shares = np.array([fit.probability / total for fit in kept])
+    scatters = [
+        shares @ [one.value for one in each]
+        for each in zip(
+            *((fit.strike_scatter, fit.session_scatter, fit.level_scatter) for fit in kept),
+            strict=True,
+        )
+    ]
+    laws = tuple(
+        FittedLaw(
+            fit.law,
+            {key: item.value for key, item in fit.parameters.items()},
+            fit.covariance,
+            float(share),
+            fit.speeds,
+        )
+        for fit, share in zip(kept, shares, strict=True)
+    )
+    return BallLaw(name, laws, fits[0].speeds, *(float(one) for one in scatters))
 
 
 def _number(written: Any) -> Any:
@@ -219,6 +251,7 @@ class _BallTable(_LawTable):
     speeds: tuple[Finite, Finite]
     strike_scatter: Annotated[Finite, Field(ge=0, le=1)] = 0.0
     session_scatter: Annotated[Finite, Field(ge=0, le=1)] = 0.0
+    level_scatter: Annotated[Finite, Field(ge=0, le=1)] = 0.0
 
 
 class _CorFile(BaseModel):
@@ -268,8 +301,9 @@ def _ball_law(name: str, table: _BallTable, path: Path) -> BallLaw:
             f"{where}: the probabilities of its laws sum to {total:g}",
             hint="Give the probabilities of all laws compared; they must sum to 1.",
         )
-    laws = tuple(_fitted_law(one, where) for one in tables)
-    law = BallLaw(name, laws, table.speeds, table.strike_scatter, table.session_scatter)
+    laws = tuple(_fitted_law(one, where, table.speeds) for one in tables)
+    scatters = table.strike_scatter, table.session_scatter, table.level_scatter
+    law = BallLaw(name, laws, table.speeds, *scatters)
     try:
         law.law(low), law.law(high)
     except UsageError as problem:
@@ -277,13 +311,17 @@ def _ball_law(name: str, table: _BallTable, path: Path) -> BallLaw:
     return law
 
 
-def _fitted_law(table: _LawTable, where: str) -> FittedLaw:
+def _fitted_law(table: _LawTable, where: str, speeds: tuple[float, float]) -> FittedLaw:
     wanted = PARAMETERS[table.law]
     if set(table.parameters) != set(wanted):
         raise SetupError(
             f"{where}: the {table.law.value} law has the parameters"
             f" {', '.join(wanted)}, not {', '.join(table.parameters)}",
             hint="Use the file as written by `vision campaign`, or name every parameter.",
+        )
+    if table.law is LawKind.FREE and speeds[0] == speeds[1]:
+        raise SetupError(
+            f"{where}: a free law needs a range of speeds", hint="Write speeds = [lowest, highest]."
         )
     size = len(wanted)
     if [len(row) for row in table.covariance] != [size] * size:
@@ -299,7 +337,7 @@ def _fitted_law(table: _LawTable, where: str) -> FittedLaw:
             f"{where}: the covariance is not a valid covariance matrix",
             hint="It must be symmetric, with no variance below zero.",
         )
-    return FittedLaw(table.law, table.parameters, covariance, table.probability)
+    return FittedLaw(table.law, table.parameters, covariance, table.probability, speeds)
 
 
 def write_cor_file(path: Path, laws: Mapping[str, BallLaw]) -> None:
@@ -310,6 +348,7 @@ def write_cor_file(path: Path, laws: Mapping[str, BallLaw]) -> None:
             "speeds": [float(v) for v in law.speeds],
             "strike_scatter": float(law.strike_scatter),
             "session_scatter": float(law.session_scatter),
+            "level_scatter": float(law.level_scatter),
             **({"other_laws": [_law_table(one) for one in law.laws[1:]]} if law.laws[1:] else {}),
         }
         for name, law in laws.items()
@@ -354,6 +393,6 @@ def with_laws(setup: Setup, laws: Mapping[str, BallLaw]) -> Setup:
     if ball is not None and (ball.name in laws or len(laws) == 1):
         ball = replace(ball, cor=law_of_ball(laws, ball.name).law)
     law_std = max(law.std_at(v) for law in laws.values() for v in law.speeds)
-    own = max(float(np.hypot(law.strike_scatter, law.session_scatter)) for law in laws.values())
+    own = max(law.scatter for law in laws.values())
     scatter = replace(setup.scatter, cor_law=law_std, cor=own or setup.scatter.cor)
     return replace(setup, ball=ball, balls=balls, scatter=scatter)

@@ -10,11 +10,11 @@ import pytest
 from typer.testing import CliRunner
 
 from metrology import SetupError, UsageError
+from physics.cor_fit import LawKind
 from pipelines.cli import app
 from pipelines.setup.cor_file import (
     BallLaw,
     FittedLaw,
-    LawKind,
     law_of_ball,
     read_cor_file,
     with_laws,
