@@ -27,7 +27,6 @@ from metrology import (
 )
 from metrology.quantity import format_value
 from physics import bodies
-from physics.effects import CATALOGUE
 from physics.restitution import CorLaw, parse_cor_law, require_real
 from physics.swing import frictionless_speed
 from pipelines.setup.tables import (
@@ -255,6 +254,10 @@ def _air(table: AirTable) -> AirSetup:
 
 
 def _model(table: ModelTable) -> ModelSetup:
+    if table == ModelTable():
+        return ModelSetup()
+    from physics.effects import CATALOGUE
+
     known = (GRAVITY_EFFECT, *CATALOGUE)
     for name in table.effects:
         if name not in known:

@@ -42,7 +42,7 @@ from metrology import (
 )
 from physics import bodies
 from physics.air import Air
-from physics.effects import CATALOGUE, MAX_SIZE, Parameter
+from physics.effects import MAX_SIZE, Parameter
 from physics.restitution import CorLaw, law_as_text
 
 __all__ = [
@@ -243,6 +243,8 @@ def read_parameter(effect: str, key: str, typed: Any) -> Given:
     SetupError
         If the effect has no such parameter, or the value is outside its physical range.
     """
+    from physics.effects import CATALOGUE
+
     known: dict[str, Parameter] = {p.name: p for e in CATALOGUE[effect] for p in e.parameters}
     if key not in known:
         raise SetupError(
