@@ -222,7 +222,7 @@ def test_too_few_and_too_many_values_are_refused() -> None:
     ("asked", "said"),
     [
         (lambda: iv.Setup(ball="jokku"), "Setup: ball can't be 'jokku'"),
-        (lambda: iv.Setup(bal=None), "Setup knows no 'bal'; the nearest is 'ball'"),
+        (lambda: iv.Setup(bal=None), "Setup has no 'bal'; the nearest is 'ball'"),
         (lambda: iv.Setup.load(None), "load: path can't be None"),
         (lambda: iv.Setup().having("ball"), "having: keys can't be 'ball'"),
         (lambda: iv.Setup().having({3: "jokku"}), "having: keys can't be"),
