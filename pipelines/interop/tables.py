@@ -733,7 +733,8 @@ def _sleap_h5(path: Path) -> ExternalTracks:
     except ImportError as problem:
         raise UsageError(
             f"{path}: reading HDF5 needs the package h5py",
-            hint="pip install h5py, or export CSV: sleap-convert --format analysis.csv.",
+            hint="pip install 'impact-vision[sleap]', or export CSV:"
+            " sleap-convert --format analysis.csv.",
         ) from problem
     try:
         with h5py.File(path) as file:
