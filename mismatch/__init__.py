@@ -1,4 +1,4 @@
-"""Where simulation and recording differ, what was left out, and how the new model does."""
+"""Find where simulation and recording differ, and what is missing."""
 
 from mismatch.explain import Explained, Options, explain, explain_in_full
 from mismatch.records import (

@@ -1,6 +1,6 @@
-"""What could be missing: every admissible effect at every start value of its shape.
+"""List the effects that may be missing, and validate effects that a user wrote.
 
-What a user's own effect must be before it takes part: told in plain words where it is not.
+A candidate is an admissible effect at one start value of its shapes.
 """
 
 import itertools
@@ -25,6 +25,7 @@ from physics.effects import (
     Parameter,
     Size,
 )
+from physics.effects.flight import Buoyancy
 
 __all__ = [
     "Candidate",
@@ -42,16 +43,16 @@ which have names of their own there."""
 AT_TURNS = frozenset({Form.GIVING, Form.FALLING, Form.GIVING_FALLING})
 """Forms that differ from others of their law where the motion turns back, as free swings do."""
 
-MOST_SHAPES = 200
+MAX_SHAPES = 200
 
 """Start values of the shapes of one effect: each costs a trajectory of every trial."""
 
 SPATIAL = 3
 """Coordinates of places in space."""
 
-LEAST_GROUPS = 2
+MIN_GROUPS = 2
 
-"""Balls, or trials, from which a scatter among them can be told."""
+"""Balls, or trials, from which a scatter among them can be determined."""
 
 BEFORE_CONTACT = -0.22
 
@@ -186,6 +187,9 @@ def _admissible(effect: Effect, forward: Forward, model: Model) -> bool:
         return False
     if effect.planar and axes == SPATIAL:
         return False
+    if isinstance(effect, Buoyancy) and float(forward.displaced.max(initial=0.0)) >= 1.0:
+        # A body that falls though it is lighter than the air of its volume is no solid ball.
+        return False
     if isinstance(effect, Magnet | Bump) and not forward.records.ball_used[..., 0].any():
         return False
     if forward.mode == "swing":
@@ -223,10 +227,10 @@ def _at_every_shape(fitted: Effect, forward: Forward) -> list[Candidate]:
         at = fitted if level is fitted.level else replace(fitted, level=level)
         shapes = at.shapes
         combinations = list(itertools.product(*(p.grid for p in shapes)))
-        if len(combinations) > MOST_SHAPES:
+        if len(combinations) > MAX_SHAPES:
             raise UsageError(
                 f"the effect {at.id!r} asks for {len(combinations)} combinations of"
-                f" {', '.join(p.name for p in shapes)}; at most {MOST_SHAPES} are tried",
+                f" {', '.join(p.name for p in shapes)}; at most {MAX_SHAPES} are tried",
                 hint="Give the grids of its shapes fewer values.",
             )
         for combination in combinations:
@@ -242,12 +246,12 @@ def _levels(effect: Effect, forward: Forward) -> list[Level]:
     only throws differ from trial to trial.
     """
     count = {
-        Level.CAMPAIGN: LEAST_GROUPS,
+        Level.CAMPAIGN: MIN_GROUPS,
         Level.SESSION: len(forward.records.session_names),
         Level.BALL: len(set(forward.records.ball_index)) if forward.mode != "swing" else 0,
         Level.TRIAL: forward.records.trials if forward.mode == "flight" else 0,
     }
-    return [level for level in effect.levels if count[level] >= LEAST_GROUPS]
+    return [level for level in effect.levels if count[level] >= MIN_GROUPS]
 
 
 def steps_of(

@@ -1,4 +1,4 @@
-"""From a campaign and a baseline to a verdict."""
+"""Compare a campaign with a baseline model and report what is missing."""
 
 import re
 from collections.abc import Mapping, Sequence, Set
@@ -8,6 +8,14 @@ from itertools import permutations
 import numpy as np
 
 from metrology import Defaults, TooLittleDataError, UsageError
+from mismatch.acceptance import (
+    Evidence,
+    calibrated_probability,
+    evidence_for_names,
+    fewer_names,
+    other_kind,
+    sets_to_predict,
+)
 from mismatch.candidates import (
     Candidate,
     candidates_for,
@@ -28,11 +36,10 @@ from mismatch.sanity import DroppedInEach, refuse_nonsense, without_odd_trials
 from mismatch.search.locate import (
     locate,
     noise_notes,
-    reduced_chi2,
     remainder_of,
     where_it_is_largest,
 )
-from mismatch.search.naming import WEIGHT_SCALE, Family, Naming, name_effects
+from mismatch.search.naming import Naming, name_effects
 from mismatch.search.unnamed import SmoothCurve
 from mismatch.verdict import (
     Alternative,
@@ -46,28 +53,20 @@ from mismatch.verdict import (
     VerdictKind,
     hold_out,
     pass_gate,
+    predict,
 )
 from physics.domain import FloatArray
 from physics.effects import CATALOGUE, MEASUREMENT_IDS, Effect, EffectId, Level, Parameter
 
 __all__ = ["Explained", "Options", "explain", "explain_in_full"]
 
-CATALOGUE_TRUST = 0.96
-"""Probability that a law holds as the catalogue writes it, or as one of its forms. Of names given
-alone with a probability of 0.9 or more all 23 were the concealed one in the second world of seed 5,
-whose laws are written otherwise, so the next one is with 24/25 (Laplace's rule of succession). The
-campaigns that the proof scores are of another simulator and of another seed
-(`python -m bench.concealed`, section on stated probabilities)."""
-
-GROUP_TRUST = 0.84
-"""The same for a name in whose place others are not excluded: the evidence's own weights summed to
-14.2 right names of that kind in the second world of seed 5, and 12 were. Rivals are other forms of
-laws that nobody wrote down, too. The foreign simulator's campaigns, by themselves, give 0.79."""
-
 HINT = 3.0
-"""Misfit from which what an answer leaves over speaks against the setup around it."""
+"""Misfit of a strike from which the setup is to be checked first; a warning, no probability."""
 
-LEAST_ROWS = 12
+MAX_ALTERNATIVES = 8
+"""Rows of the table of what else was tried, the best force without a name among them."""
+
+MIN_ROWS = 12
 """Samples: fewer can't tell one effect from noise, whose size they must tell as well."""
 
 
@@ -97,12 +96,18 @@ class Options:
 
 @dataclass(frozen=True)
 class Explained:
-    """A verdict with what it rests on, for plots and reports."""
+    """A verdict with what it rests on, for plots and reports.
+
+    `evidence` is that of each name of the answer; `considered` has the names of a less probable
+    answer of the other kind, too.
+    """
 
     verdict: EngineVerdict
     prepared: Prepared
     naming: Naming
     trials: tuple[str, ...] = ()
+    evidence: tuple[Evidence, ...] = ()
+    considered: tuple[Evidence, ...] = ()
 
 
 def explain(
@@ -149,10 +154,14 @@ def explain_in_full(
         _refuse_failing(prepared, effect)
     prepared, naming = _searched(prepared, effects, chosen.most_effects)
     held = _held_mask(campaign, chosen.hold_out)
-    verdict = _verdict(campaign, prepared, naming, held)
+    answers = _tested_answers(prepared, naming, held)
+    tested = max(answers, key=lambda one: one.probability)
+    considered = tuple(one for answer in answers for one in answer.evidence)
+    naming = tested.naming
+    verdict = _verdict(campaign, prepared, tested)
     verdict = replace(verdict, notes=(*verdict.notes, *_open_notes(prepared, naming.best)))
     names = tuple(trial.name for trial in campaign.trials)
-    return Explained(verdict, prepared, naming, names)
+    return Explained(verdict, prepared, naming, names, tested.evidence, considered)
 
 
 INSTRUMENTS = frozenset({EffectId.LENGTH_SCALE, EffectId.TIME_BASE, EffectId.CAMERA_ROLL})
@@ -306,7 +315,7 @@ def _open_notes(prepared: Prepared, best: Hypothesis | None) -> tuple[str, ...]:
 
 
 def _refuse_failing(prepared: Prepared, effect: Effect) -> None:
-    """Try a user's effect by itself, so that its own error is told as its own."""
+    """Try a user's effect by itself, so that its own error is reported as its own."""
     refuse_unusable(effect)
 
     def look() -> FloatArray:
@@ -354,10 +363,10 @@ def _of_width(effect: Effect, width: float | None) -> Effect:
 
 def _require_enough(campaign: CampaignRecords) -> None:
     rows = sum(trial.samples for trial in campaign.trials)
-    if rows < LEAST_ROWS:
+    if rows < MIN_ROWS:
         raise TooLittleDataError(
             f"{rows} samples in {len(campaign.trials)} trials are too little to tell anything",
-            hint=f"At least {LEAST_ROWS} samples are needed, better two trials of thirty each.",
+            hint=f"At least {MIN_ROWS} samples are needed, better two trials of thirty each.",
         )
 
 
@@ -380,27 +389,75 @@ def _held_mask(campaign: CampaignRecords, names: Sequence[str]) -> np.ndarray | 
     return np.array([trial.name in names for trial in campaign.trials]) if names else None
 
 
-def _verdict(
-    campaign: CampaignRecords, prepared: Prepared, naming: Naming, held: np.ndarray | None
-) -> EngineVerdict:
+@dataclass(frozen=True)
+class _Tested:
+    """An answer with its proof, its doubts and the probability of each of its names."""
+
+    naming: Naming
+    groups: tuple[tuple[str, ...], ...]
+    kept: HeldOut | None
+    passed: Passed
+    evidence: tuple[Evidence, ...] = ()
+    probabilities: tuple[float, ...] = ()
+
+    @property
+    def probability(self) -> float:
+        """Of the least probable name; zero where nothing may be named."""
+        return min(self.probabilities, default=0.0) if self.passed.names else 0.0
+
+
+def _tested(prepared: Prepared, naming: Naming, held: np.ndarray | None) -> _Tested:
+    """Test an answer on its remainder, on data kept aside, and against all other sets."""
     forward, base, best = prepared.forward, prepared.fit, naming.best
-    rivals = naming.rivals()
-    groups = _groups(best, rivals)
-    if forward.mode == "flight" and naming.suspects() and best is not None:
+    groups = _groups(best, naming.rivals())
+    if best is None:
+        remainder = remainder_of(prepared, best)
+        found = not remainder.white and (
+            locate(forward, base, best) is not None or base.reduced_chi2 > POOR_FIT
+        )
+        kind: VerdictKind = "unexplained" if found else "no_mismatch"
+        return _Tested(naming, (), None, pass_gate(prepared, best, kind, None))
+    if forward.mode == "flight" and naming.suspects():
         first = min(best.ids, key=lambda one: one in MEASUREMENT_IDS)
         blamed = (first, *naming.suspects())
         if not any(set(blamed) <= set(group) for group in groups):
             groups = (*groups, blamed)
+    folds, predictions = predict(forward, base, sets_to_predict(naming), held)
+    kept = hold_out(forward, base, best, held, known=(folds, predictions))
+    kind = "ambiguous" if groups else "explained"
+    passed = pass_gate(prepared, best, kind, kept, outdone=naming.outdone)
+    evidence = evidence_for_names(forward, base, naming, predictions, len(passed.against))
+    probabilities = tuple(min(calibrated_probability(one), passed.most) for one in evidence)
+    return _Tested(naming, groups, kept, passed, evidence, probabilities)
+
+
+def _tested_answers(
+    prepared: Prepared, naming: Naming, held: np.ndarray | None
+) -> tuple[_Tested, ...]:
+    """The answer of the search and, where that is less likely than not, its best alternatives.
+
+    Names compete with forces without a name, and several names with fewer: what is in no catalogue
+    is an answer as well, and so is one law that averages two.
+    """
+    first = _tested(prepared, naming, held)
+    if naming.best is None or first.probability >= 0.5:
+        return (first,)
+    others = (other_kind(naming, naming.best), fewer_names(naming, naming.best))
+    found = {id(one): one for one in others if one is not None}
+    return first, *(_tested(prepared, replace(naming, best=one), held) for one in found.values())
+
+
+def _verdict(campaign: CampaignRecords, prepared: Prepared, tested: _Tested) -> EngineVerdict:
+    naming, groups, passed = tested.naming, tested.groups, tested.passed
+    forward, base, best = prepared.forward, prepared.fit, naming.best
+    rivals = naming.rivals()
+    kept = tested.kept
+    if kept is not None:
+        kept = replace(kept, trials=tuple(campaign.trials[int(i)].name for i in kept.trials))
     location = locate(forward, base, best)
     remainder = remainder_of(prepared, best)
-    kind: VerdictKind = "no_mismatch"
-    if best is not None:
-        kind = "ambiguous" if groups else "explained"
-    elif not remainder.white and (location is not None or base.reduced_chi2 > POOR_FIT):
-        kind = "unexplained"
-    kept = _proof(campaign, prepared, best, held)
-    passed = pass_gate(prepared, best, kind, kept, outdone=naming.outdone)
-    effects = _named(forward, naming, passed, [trial.name for trial in campaign.trials])
+    names = [trial.name for trial in campaign.trials]
+    effects = _named(forward, naming, tested, names)
     if passed.doubts:
         reasons = "; ".join(doubt.value for doubt in passed.doubts)
         remainder = replace(
@@ -409,8 +466,9 @@ def _verdict(
         )
     if not passed.names:
         groups, rivals = (), ()
-    effects = tuple(_with_rivals(effect, groups) for effect in effects)
     kind = passed.kind
+    if kind == "explained" and passed.against:
+        kind = "ambiguous"
     if kind == "explained" and any(effect.probability < 0.5 for effect in effects):
         # Less likely than not is no finding.
         kind = "ambiguous"
@@ -424,7 +482,7 @@ def _verdict(
     return EngineVerdict(
         kind,
         ("gravity", *prepared.model.ids),
-        reduced_chi2(prepared, base.chi2, base.count),
+        base.chi2 / base.expected,
         location if kind != "no_mismatch" else None,
         effects,
         _alternatives(naming, passed),
@@ -435,18 +493,12 @@ def _verdict(
         (
             *campaign.notes,
             *noise_notes(campaign, prepared),
+            *_floating_notes(forward),
             *_setup_notes(forward, best, passed),
             *_start_notes(naming),
         ),
         passed.doubts,
     )
-
-
-def _with_rivals(effect: NamedEffect, groups: tuple[tuple[str, ...], ...]) -> NamedEffect:
-    """The name with what it loses by others that are not excluded in its place."""
-    if not any(effect.id in group for group in groups):
-        return effect
-    return replace(effect, probability=GROUP_TRUST * effect.probability)
 
 
 _WHY: Mapping[VerdictKind, str] = {
@@ -457,17 +509,8 @@ _WHY: Mapping[VerdictKind, str] = {
 }
 
 
-def _proof(
-    campaign: CampaignRecords, prepared: Prepared, best: Hypothesis | None, held: np.ndarray | None
-) -> HeldOut | None:
-    kept = None if best is None else hold_out(prepared.forward, prepared.fit, best, held)
-    if kept is None:
-        return None
-    return replace(kept, trials=tuple(campaign.trials[int(i)].name for i in kept.trials))
-
-
 def _groups(best: Hypothesis | None, rivals: Sequence[Hypothesis]) -> tuple[tuple[str, ...], ...]:
-    """Ids that may stand for each other, one group for each member that has rivals."""
+    """Ids that may stand for each other, one group for each member that has alternatives."""
     if best is None:
         return ()
     phases = {member.id: member.effect.phase for one in (best, *rivals) for member in one.members}
@@ -477,7 +520,7 @@ def _groups(best: Hypothesis | None, rivals: Sequence[Hypothesis]) -> tuple[tupl
         other_kind = sum(phases[mine] != phases[other] for mine, other in pairs)
         return other_kind, sum(other not in groups[best.ids.index(mine)] for mine, other in pairs)
 
-    # Rivals that differ in one name tell whose place it takes; of two each takes that of its kind.
+    # A candidate that differs in one name shows whose place it takes; of two, each its kind's.
     for rival in sorted(rivals, key=lambda one: len(set(best.ids) - set(one.ids))):
         left = [one for one in best.ids if one not in rival.ids]
         theirs = [one for one in rival.ids if one not in best.ids]
@@ -489,39 +532,29 @@ def _groups(best: Hypothesis | None, rivals: Sequence[Hypothesis]) -> tuple[tupl
     return tuple(tuple(group) for group in groups if len(group) > 1)
 
 
-def _weights(naming: Naming) -> dict[tuple[str, ...], float]:
-    """Relative weight of every set of laws that was fitted, all its forms together."""
-    answer = naming.best
-    mine = None if answer is None else naming.families.get(tuple(sorted(answer.ids)))
-    excess = 1.0 if answer is None else answer.reduced_chi2
-
-    def height(one: Family) -> float:
-        # Where no law fits to the noise the data tell less, but what is rare is as rare as ever.
-        return (one.penalised_gain + one.best.rarity) / excess - one.best.rarity
-
-    heights = {ids: height(one) for ids, one in naming.families.items()}
-    top = max(heights.values(), default=0.0) if mine is None else height(mine)
-    # What gains more was set aside for its size; it is as good as the answer, not better, but for
-    # what it pays for being rare.
-    rare = 0.0 if mine is None else mine.best.rarity
-    return {
-        ids: float(np.exp(min(heights[ids] - top, rare - one.best.rarity, 0.0) / WEIGHT_SCALE))
-        for ids, one in naming.families.items()
-    }
-
-
-def _setup_trust(forward: Forward, best: Hypothesis) -> float:
-    """How far the setup around a name can be believed, by what the name leaves over.
-
-    Free flights need little of a setup; a strike needs all of it.
-    """
-    return min(1.0, HINT / best.reduced_chi2) if forward.mode == "impact" else 1.0
+def _floating_notes(forward: Forward) -> tuple[str, ...]:
+    """Stated bodies that are lighter than the air they displace."""
+    if forward.mode == "swing":
+        return ()
+    lighter = forward.displaced >= 1.0
+    names = dict.fromkeys(
+        forward.records.ball_names[int(k)] or "the body"
+        for k in forward.records.ball_index[lighter]
+    )
+    if not names:
+        return ()
+    times = float(forward.displaced.max())
+    return (
+        f"{', '.join(names)}: as a ball of the stated diameter it displaces {times:.2g} times its"
+        " own mass of air, so it would rise. Mass or diameter is wrong, or the body is hollow or"
+        " flat; buoyancy is not tried. Check [ball] in the setup.",
+    )
 
 
 def _setup_notes(forward: Forward, best: Hypothesis | None, passed: Passed) -> tuple[str, ...]:
     if Doubt.PENDULUMS_WEIGHT in passed.doubts:
         return (Doubt.PENDULUMS_WEIGHT.value,)
-    if best is None or _setup_trust(forward, best) == 1.0:
+    if best is None or forward.mode != "impact" or best.reduced_chi2 < HINT:
         return ()
     return (
         "nothing comes near the noise: check pendulum, support and balls in the setup before"
@@ -566,19 +599,14 @@ def _strengths_of_each(
 
 
 def _named(
-    forward: Forward, naming: Naming, passed: Passed, trials: Sequence[str]
+    forward: Forward, naming: Naming, tested: _Tested, trials: Sequence[str]
 ) -> tuple[NamedEffect, ...]:
     best = naming.best
-    if best is None or not passed.names:
+    if best is None or not tested.passed.names:
         return ()
-    weights = _weights(naming)
-    total = max(sum(weights.values()), 1e-300)
-    # At the threshold the odds against chance are those of its false-alarm rate.
-    real = 1.0 / (1.0 + np.exp(-(best.penalised_gain - naming.threshold + 6.0) / WEIGHT_SCALE))
     named = []
     spreads = robust_spread(forward, best.fit)
-    for member in best.members:
-        share = sum(weight for ids, weight in weights.items() if member.id in ids)
+    for member, probability in zip(best.members, tested.probabilities, strict=True):
         parameters = []
         for index, item in enumerate(best.fit.free):
             if best.fit.model.entries[item.entry][0] is member.effect:
@@ -589,8 +617,6 @@ def _named(
         statement = member.effect.statement
         if member.id == EffectId.UNNAMED:
             statement = _law_in_words(member.effect, parameters)
-        trust = CATALOGUE_TRUST ** len(best.members) * _setup_trust(forward, best)
-        probability = float(min(passed.most, passed.trust * trust * real * share / total))
         each = _strengths_of_each(forward, best.fit, member.effect, trials)
         named.append(
             NamedEffect(
@@ -671,7 +697,11 @@ def _alternatives(naming: Naming, passed: Passed) -> tuple[Alternative, ...]:
         else:
             why = "fits alike, but with more freedom, or with sizes that are rarely met"
         rows.append(Alternative(h.ids, why, behind))
-    return tuple(rows[:8])
+    listed = rows[:MAX_ALTERNATIVES]
+    nameless = [one for one in rows if EffectId.UNNAMED in one.ids][:1]
+    if not best.has_unnamed and nameless and nameless[0] not in listed:
+        listed[-1] = nameless[0]
+    return tuple(listed)
 
 
 def _next_measurement(

@@ -1,9 +1,8 @@
-"""The forward model: swing, contact and flight of all trials, for many models at once.
+"""Predict swing, contact and flight of all trials for many models at once.
 
-Arrays are shaped (rows, trials, ...): a row is one set of parameters. What is recorded comes out
-stacked per trial as in `Records`: x, y, z of all ball rows, then the pendulum's angles.
-
-A model as the engine bends it: effects with a column of parameter values per row.
+Arrays are shaped (rows, trials, ...): a row is one set of parameters. Predictions are stacked per
+trial as in `Records`: x, y, z of all ball rows, then the pendulum's angles. A model holds effects
+with a column of parameter values per row.
 """
 
 from collections.abc import Mapping, Sequence
@@ -149,7 +148,7 @@ def batch_terms(models: Sequence[Model], own: FloatArray | None = None) -> tuple
     `own` (rows, T, n) is what each model's own strengths are off the campaign's in each trial.
 
     An effect takes part in a row only if that row's model holds it, so a row pays for its own
-    effects alone. Effects are told apart as objects: two of one class and form may differ in any
+    effects alone. Effects are distinguished as objects: two of one class and form may differ in any
     field of their own (the hats of a smooth force, laws that a user wrote).
     """
     runs: dict[tuple[int, int], list[list[tuple[int, Mapping[str, float]]]]] = {}
@@ -359,6 +358,12 @@ class Forward:
         energy = 2.0 * stiffness * (np.cos(phi) - np.cos(top)[:, None])
         slow = (lowest + top)[:, None] * 2.0 * fraction / np.sqrt(np.maximum(energy, 1e-12))
         return np.asarray(slow.mean(axis=1), dtype=np.float64)
+
+    @property
+    def displaced(self) -> FloatArray:
+        """Mass of the air that each trial's body displaces as a solid ball, over its own, (T,)."""
+        volume = np.pi / 6.0 * np.power(self.records.diameter, 3)
+        return np.asarray(self.baseline.air_density * volume / self.records.mass)
 
     @property
     def setup_rate(self) -> float:

@@ -1,19 +1,8 @@
-"""A campaign laid out in even arrays, one row per trial, so that all trials are fitted at once.
+"""Lay campaigns out in even arrays, one row per trial, and estimate their noise.
 
-A campaign: what was recorded, trial by trial, in metres, radians and seconds.
-
-What the lab believes: bodies, contact, scatter, and the effects its model already holds.
-
-The noise of a record, learnt from the record: white part, correlation, outliers.
-
-Short stretches of a track are all but polynomials whatever physics made it, so what is left after a
-local polynomial is noise.
-
-White or not: the spectrum of what a smooth curve leaves over.
-
-Tracking noise is not white: neighbouring frames share errors. What matters for slow physics is
-the noise at low frequency, so the spectrum of a record's residual about a polynomial is fitted
-with white noise plus a first-order autoregression (Whittle's likelihood on the cosine transform).
+A campaign holds what was recorded, in metres, radians and seconds; a baseline holds what the
+laboratory states. Noise is estimated from what local polynomials leave over short stretches: its
+white part, its correlation, and outliers.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -412,7 +401,7 @@ class Records:
         return self._slowest(scaled, lambda size: 1.0 / np.sqrt(1.0 + size))
 
     def unweighed(self, residual: FloatArray) -> FloatArray:
-        """What `weighed` was given, m and rad; nought where unused."""
+        """What `weighed` was given, m and rad; zero where unused."""
         weights = self.weights
         scaled = self._slowest(residual, lambda size: np.sqrt(1.0 + size))
         scaled = self._along_the_way(scaled, lambda size: np.sqrt(1.0 + size))
@@ -480,7 +469,7 @@ class Records:
     @property
     def tell_memory(self) -> bool:
         """Whether any flight is long enough to tell the memory of its noise by itself."""
-        return bool(self.ball_used.any(axis=2).sum(axis=1).max(initial=0) >= LEAST)
+        return bool(self.ball_used.any(axis=2).sum(axis=1).max(initial=0) >= MIN_SAMPLES)
 
     def keeping(self, kept: NDArray[np.bool_]) -> "Records":
         """Records in which only entries marked in `kept` (T, 3S + P) still take part."""
@@ -508,7 +497,7 @@ ROWS_OF_A_COSINE = 3
 def slow_cosines(records: Records, count: int) -> FloatArray:
     """(T, 3, S, count) orthonormal cosines over the ball's rows, from the slowest bend on.
 
-    Place and speed, which each record has of its own, are taken out; nought where a record is too
+    Place and speed, which each record has of its own, are taken out; zero where a record is too
     short for a cosine.
     """
     trials, rows = records.ball_time.shape
@@ -596,7 +585,7 @@ DEGREE = 6
 
 """Degree of the polynomial taken off a stretch: what a flight or half a swing does is below."""
 
-LEAST = 24
+MIN_SAMPLES = 24
 
 """Rows of a piece: more than three for each coefficient of what is taken off."""
 
@@ -695,7 +684,7 @@ class SpectrumFit:
 
     @property
     def holds(self) -> bool:
-        """Whether the likeliest shape tells the powers at every pace.
+        """Whether the most probable shape tells the powers at every pace.
 
         What a motion leaves over falls off faster than any noise with a memory, or peaks.
         """
@@ -736,7 +725,7 @@ def fit_spectrum(
     """
     powers, whites, slows, sizes, paces = [], [], [], [], []
     for time, value in pieces:
-        if value.size < LEAST:
+        if value.size < MIN_SAMPLES:
             continue
         u = (time - time.mean()) / max(float(np.ptp(time)), 1e-12) * 2.0
         basis, _ = np.linalg.qr(np.vander(u, DEGREE + 1))
@@ -796,7 +785,7 @@ def whiteness(pieces: list[tuple[FloatArray, FloatArray]], low: int = 8) -> floa
     """
     slow, n_slow, fast, n_fast = 0.0, 0, 0.0, 0
     for _, value in pieces:
-        if value.size < LEAST:
+        if value.size < MIN_SAMPLES:
             continue
         power = np.asarray(dct(value, norm="ortho")) ** 2
         slow += float(power[:low].sum())
@@ -996,15 +985,15 @@ def _spectrum(
             rows = used[trial] & (segments[trial] == segment)
             pieces.append((time[trial, rows], value[trial, rows] / sigma[trial]))
     # A swing over many periods, or a path through something local, is no polynomial as a whole.
-    while pieces and (still or _longest(pieces) >= 2 * LEAST):
+    while pieces and (still or _longest(pieces) >= 2 * MIN_SAMPLES):
         found = fit_spectrum(pieces, slow_mode)
         if found is None or found.chosen(SIGNIFICANT).variance < SMOOTH or (still and found.holds):
             return found
-        if throughout or _longest(pieces) < 2 * LEAST:
+        if throughout or _longest(pieces) < 2 * MIN_SAMPLES:
             return None
         halves: list[tuple[FloatArray, FloatArray]] = []
         for t, v in pieces:
-            count = 2 if t.size >= 2 * LEAST else 1
+            count = 2 if t.size >= 2 * MIN_SAMPLES else 1
             parts = zip(np.array_split(t, count), np.array_split(v, count), strict=True)
             halves.extend(parts)
         pieces = halves
@@ -1108,13 +1097,13 @@ correlations with the next and the next but one."""
 FREE_START = 2
 """Coefficients of a path that a throw's free place and velocity take along."""
 
-LEAST_PACES = 20.0
+MIN_PACES = 20.0
 
-"""Second differences from which a scatter of the clock can be told from that of the places."""
+"""Second differences from which jitter of the clock is distinguished from that of positions."""
 
 
 def with_clock_jitter(noise: Noise, left: Records, velocity: FloatArray) -> Noise:
-    """The noise with what a clock that jitters has of it told from that of places.
+    """The noise with what a clock that jitters has of it distinguished from that of places.
 
     A wrong time moves a ball along its way, the more the faster it is, and all its coordinates
     together. Second differences show it: what a model leaves over bends far less.
@@ -1133,7 +1122,7 @@ def with_clock_jitter(noise: Noise, left: Records, velocity: FloatArray) -> Nois
     shown, ways = _second_differences(noise, left, velocity)
     axes = np.isfinite(shown).any(axis=0)
     shown, ways = shown[:, axes], ways[:, axes]
-    if not axes.any() or shown.shape[0] < LEAST_PACES:
+    if not axes.any() or shown.shape[0] < MIN_PACES:
         return noise
 
     def deviance(logs: FloatArray) -> float:
@@ -1161,8 +1150,8 @@ def slow_noise(residual: FloatArray, records: Records) -> FloatArray:
     """Power of what a fit leaves at the pace of physics over that of white noise: x, y, z, angle.
 
     One for all where the record is long enough to tell the memory of its noise by itself, and where
-    chance leaves as much. It is told from the bends that a free start does not take along, up to
-    those that the noise was told about.
+    chance leaves as much. It is estimated from the bends that a free start does not take along, up
+    to those that the noise was estimated for.
 
     Parameters
     ----------

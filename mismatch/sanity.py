@@ -1,12 +1,4 @@
-"""Data that no physics explains: wrong units, swapped columns, another experiment.
-
-Trials that say nothing of their own, or whose clock can't be believed.
-
-Frames lost at an instant of its own in each trial.
-
-A jump of the clock shows as the velocity from one instant on. One derivative, cut off at every
-instant in turn, therefore scores all instants of a trial at once.
-"""
+"""Detect wrong units, swapped columns and recordings of another experiment."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -80,7 +72,7 @@ SWAP_GAIN = 0.1
 
 ANOTHER_EXPERIMENT = 0.35
 """Of the size of the motion: a third is more than any missing effect of the catalogue moves,
-supposed."""
+assumed."""
 
 
 def refuse_nonsense(campaign: CampaignRecords, prepared: Prepared) -> None:
@@ -314,7 +306,7 @@ FARTHEST = 1e6
 
 """m or rad: beyond the sky, and a wheel no pendulum."""
 
-LEAST_WAY = 1e-9
+MIN_PATH = 1e-9
 
 """m or rad: no instrument sees less."""
 
@@ -384,7 +376,7 @@ def _oddity(trial: Trial, others: list[Trial]) -> _Odd | None:
     series = _series(trial)
     if any(float(np.abs(values).max()) > FARTHEST for values in series):
         return _Odd.FAR
-    if series and all(float(np.ptp(values)) < LEAST_WAY for values in series):
+    if series and all(float(np.ptp(values)) < MIN_PATH for values in series):
         return _Odd.STILL
     rough = [_roughness(values) for values in series if values.size >= ENOUGH]
     if rough and min(rough) > ROUGH:
@@ -464,7 +456,7 @@ def _line(time: FloatArray, place: FloatArray, at: float) -> tuple[FloatArray, F
 INSTANTS = 160
 """Instants at which two clocks are compared: as many as a record has cosines that matter."""
 
-LEAST_STEP = 1e-5
+MIN_STEP = 1e-5
 
 """s of gap for the derivative."""
 
@@ -504,17 +496,17 @@ def _since(forward: Forward, fit: Fit) -> FloatArray:
 
 
 def dropped_in_each(forward: Forward, fit: Fit) -> DroppedInEach | None:
-    """The law with each trial's likeliest instant for one common gap.
+    """The law with each trial's most probable instant for one common gap.
 
     None for swings alone, and where such gaps leave more than noise.
     """
     if forward.mode == "swing" or forward.records.trials < 2:
         return None
     common = CATALOGUE["dropped_frames"][0]
-    lost = fit.model.having(common, {"gap": LEAST_STEP, "instant": -1e3})
+    lost = fit.model.having(common, {"gap": MIN_STEP, "instant": -1e3})
     whole = fit.model.having(common, {"gap": 0.0, "instant": -1e3})
     system = linearise(
-        forward, whole.order(), fit.nuisance, fit.law_offsets, (), [lost.order()], [LEAST_STEP]
+        forward, whole.order(), fit.nuisance, fit.law_offsets, (), [lost.order()], [MIN_STEP]
     )
     slope = system.shared[..., -1]
     since = _since(forward, fit)
@@ -535,7 +527,7 @@ def dropped_in_each(forward: Forward, fit: Fit) -> DroppedInEach | None:
         grids.append(grid)
     score, size, grid = np.array(scores), np.array(sizes), np.array(grids)
     frame = float(np.median(np.diff(forward.records.ball_time, axis=1)))
-    # Frames get lost; a record that gains some would be told otherwise.
+    # Frames get lost; a record that gains some would be reported otherwise.
     gaps = np.geomspace(0.05, 40.0, 40) * frame
     # What is left over for other reasons makes steps, too: differences count in units of it.
     gains = 2.0 * gaps[:, None, None] * score - np.square(gaps)[:, None, None] * size

@@ -1,13 +1,7 @@
-"""Tables with a few numbers per trial: impact speed, ball speed, range, perhaps a back-swing.
+"""Explain tables with a few numbers per trial: impact speed, ball speed, range.
 
-What a model says of those numbers (the engine's swing, contact and flight), what can be missing
-where nothing else is known and how large it may be, and which sets of effects the table calls for,
-by evidence and prior, with how well they foretell trials that they have not seen. What a trial
-repeats imperfectly (impact speed, back-swing, restitution, launch angle) is integrated out trial by
-trial; a noise that nobody stated is integrated over a grid of sizes.
-
-From that to a verdict, in the same words as for whole tracks: where the table parts from the model,
-what was left out, what to do next.
+The swing, contact and flight of the full engine predict the numbers, and the same catalogue is
+tried. Everything is linear enough for exact Bayesian evidence.
 """
 
 import itertools
@@ -53,7 +47,7 @@ from physics.integrator import Trajectory, crossing, integrate
 
 __all__ = [
     "CHANNELS",
-    "LEAST_TRIALS",
+    "MIN_TRIALS",
     "NUISANCES",
     "Answer",
     "Posterior",
@@ -75,10 +69,10 @@ CHANNELS = ("impact_speed", "ball_speed", "range")
 
 """What a trial may tell, in the order of the arrays' last axis; m/s, m/s, m."""
 
-LEAST_STD = 1e-9
+MIN_STD = 1e-9
 """m or m/s: a few atoms; no ball's surface is defined better."""
 
-LEAST_TRIALS = 4
+MIN_TRIALS = 4
 """Trials: a law over speed has two unknowns, and two more show whether it is one."""
 
 ALONG_WALL = frozenset({"offset_x"})
@@ -124,7 +118,7 @@ class TrialTable:
             raise UsageError(
                 "a standard uncertainty must be positive", hint="Leave it empty where unknown."
             )
-        if np.any(self.stds < LEAST_STD):
+        if np.any(self.stds < MIN_STD):
             raise UsageError(
                 "a standard uncertainty is smaller than anybody's",
                 hint="They are in m/s and metres, and a nanometre at least.",
@@ -168,10 +162,10 @@ class TrialTable:
                 hint="Fill impact_speed_m_s or backswing_deg, or leave the row out.",
             )
         useful = int(np.isfinite(self.values[:, 1:]).any(axis=1).sum())
-        if useful < LEAST_TRIALS:
+        if useful < MIN_TRIALS:
             raise TooLittleDataError(
                 f"{useful} trials with a result are too little to tell anything",
-                hint=f"At least {LEAST_TRIALS} trials at two or more impact speeds are needed.",
+                hint=f"At least {MIN_TRIALS} trials at two or more impact speeds are needed.",
             )
 
     def chosen(self, rows: NDArray[np.bool_]) -> "TrialTable":
@@ -193,7 +187,7 @@ NUISANCES = ("speed", "backswing", "cor", "launch_angle")
 
 FLIGHT_STEPS = 48
 """Steps of a flight, of the fourth order: its error falls with the fourth power of their number;
-supposed."""
+assumed."""
 
 INSTANT = 1e-3
 """s, step of a difference in time: a ball moves some millimetres in it, straight ahead."""
@@ -375,7 +369,7 @@ UNREMARKABLE = 3.0
 
 SPHERE_DRAG_STD = 0.15
 
-"""Dimensionless, spread of the drag coefficients of balls below the drag crisis, supposed."""
+"""Dimensionless, spread of the drag coefficients of balls below the drag crisis, assumed."""
 
 POSITIONS_NEEDED = frozenset({"lens_distortion", "rolling_shutter", "dropped_frames"})
 
@@ -383,7 +377,7 @@ POSITIONS_NEEDED = frozenset({"lens_distortion", "rolling_shutter", "dropped_fra
 
 FORMS_LEFT_OUT = frozenset({"about a point", "three axes", "ball only"})
 
-LEAST_TRACE = 1e-4
+MIN_TRACE = 1e-4
 
 """m or m/s below which a candidate at its scale leaves no trace."""
 
@@ -485,7 +479,7 @@ def _with_a_trace(
     used = np.isfinite(forward.table.values)
     change = np.where(used, np.abs(predicted[1:] - predicted[0]), 0.0)
     trace = np.nanmax(change.reshape(len(moved), -1), axis=1)
-    return tuple(c for c, t in zip(candidates, trace, strict=True) if t > LEAST_TRACE)
+    return tuple(c for c, t in zip(candidates, trace, strict=True) if t > MIN_TRACE)
 
 
 NOISE_SIZES = (
@@ -572,7 +566,7 @@ class Posterior:
 def unstated(table: TrialTable) -> tuple[bool, bool, bool]:
     """Which channels have numbers without an uncertainty, of those where one is needed."""
     needed = np.isfinite(table.values)
-    # Without a back-swing to hold it against, an unstated error of the impact speed can't be told
+    # Without a back-swing to compare it with, an unstated error of impact speed can't be separated
     # from errors of what follows, which are counted already.
     needed[:, 0] &= np.isfinite(table.backswing)
     lacking = np.asarray((needed & ~np.isfinite(table.stds)).any(axis=0))
@@ -745,19 +739,19 @@ SIZE_PRIOR = (0.5, 0.4, 0.09, 0.01)
 
 SEED_PAIRS = 30
 
-"""Pairs that are refined, the best of a linear look first; supposed."""
+"""Pairs that are refined, the best of a linear look first; assumed."""
 
-MOST_REFINED = 24
+MAX_REFINED = 24
 
-"""Groups that are refined at most, the best first; supposed."""
+"""Groups that are refined at most, the best first; assumed."""
 
 REFINED_WITHIN = 9.0
 
-"""Nats behind the best: a group farther behind has a share below 1e-4 of the posterior."""
+"""Log odds behind the best: a group farther behind has a share below 1e-4 of the posterior."""
 
 TOLD_APART = 2.0
 
-"""Nats from which one form is told from another: odds of seven to one."""
+"""Log odds from which one form is distinguished from another: odds of seven to one."""
 
 STEPS = np.array([1e-3, 1e-4, 1e-4, 1e-4])
 
@@ -999,7 +993,7 @@ def _scanned(pool: _Pool, most: int) -> dict[tuple[int, ...], float]:
 def _usual(
     pool: _Pool, forms: Sequence[tuple[float, tuple[int, ...]]]
 ) -> tuple[float, tuple[int, ...]]:
-    """The likeliest form, or the usual one where the table can't tell them apart.
+    """The most probable form, or the usual one where the table can't tell them apart.
 
     The usual form is the one that a setup file means.
     """
@@ -1051,7 +1045,7 @@ def search(
         chosen = tuple(pool.candidates[m] for m in members)
         ids_of.append(tuple(c.id for c in chosen))
         weights.append(weight)
-        if members and (rank >= MOST_REFINED or weight < weighed[0][0] - REFINED_WITHIN):
+        if members and (rank >= MAX_REFINED or weight < weighed[0][0] - REFINED_WITHIN):
             continue
         again = refined(forward, model, chosen)
         if again is None:
@@ -1134,7 +1128,7 @@ def table_held_out(
     before = _errors(forward, laws, null, kept_out)[:, channel]
     after = _errors(forward, laws, best, kept_out)[:, channel]
     told = np.isfinite(before) & np.isfinite(after)
-    if int(told.sum()) < 2 or table.trials - 1 < LEAST_TRIALS - 1:
+    if int(told.sum()) < 2 or table.trials - 1 < MIN_TRIALS - 1:
         return None
     before, after = before[told], after[told]
     picks = np.random.default_rng(3).integers(0, before.size, (RESAMPLED, before.size))
@@ -1157,7 +1151,7 @@ BALL_SPEED = (
     " contact from what happens in flight"
 )
 
-MOST_ALTERNATIVES = 8
+MAX_ALTERNATIVES = 8
 """Rows, so that a reader sees all of them."""
 
 ABOVE_THE_LIMIT = 2.0
@@ -1166,7 +1160,7 @@ ABOVE_THE_LIMIT = 2.0
 
 
 def groups_of(best: Answer, rivals: Sequence[Answer]) -> tuple[tuple[str, ...], ...]:
-    """Ids that may stand for each other, one group for each member that has rivals."""
+    """Ids that may stand for each other, one group for each member that has alternatives."""
     groups = {one: [one] for one in best.ids}
     for rival in rivals:
         left = [one for one in best.ids if one not in rival.ids]
@@ -1223,7 +1217,7 @@ def alternatives(
         else:
             why = f"less likely by odds of {np.exp(min(0.5 * behind, 50.0)):.3g}"
         rows.append(Alternative(other.ids, why, behind))
-    return tuple(rows[:MOST_ALTERNATIVES])
+    return tuple(rows[:MAX_ALTERNATIVES])
 
 
 def next_measurement(
@@ -1294,7 +1288,7 @@ def table_notes(forward: TableForward, model: Model) -> tuple[str, ...]:
         )
     speeds = table.values[:, 0][np.isfinite(table.values[:, 0])]
     if speeds.size > 1 and np.ptp(speeds) < 0.15 * float(np.median(speeds)):
-        notes.append("all impact speeds are alike: nothing that goes with speed can be told")
+        notes.append("all impact speeds are alike: nothing that goes with speed can be determined")
     notes += _above_the_limit(forward, model)
     return tuple(notes)
 
@@ -1328,23 +1322,23 @@ NULL_DOUBTED = 0.02
 
 RIVAL = 20.0
 
-"""Odds within which another answer of the same size is not told apart."""
+"""Odds within which another answer of the same size cannot be distinguished."""
 
 FAR_OFF = 30.0
 """Factor between table and model: a unit or a decimal point wrong, no physics."""
 
 ANOTHER_EXPERIMENT = 0.6
-"""Relative: more than any missing effect of the catalogue does to a landing, supposed."""
+"""Relative: more than any missing effect of the catalogue does to a landing, assumed."""
 
 READING = 0.016
-"""m, supposed: how well a landing is read off the floor where nobody says so."""
+"""m, assumed: how well a landing is read off the floor where nobody says so."""
 
 READING_SHARE = 0.012
 
 """m, and share of the range: what a landing read off a scale may scatter by."""
 
 SPEED_SHARE = 0.03
-"""Relative, supposed: noise of impact speeds from which it is not taken for white."""
+"""Relative, assumed: noise of impact speeds from which it is not taken for white."""
 
 STATED_FREEDOM = 2.6
 """Degrees of freedom of the t distribution that errors over their stated uncertainties follow in 99
@@ -1356,7 +1350,7 @@ FARTHEST_OFF = math.sqrt(STATED_FREEDOM / float(chdtri(STATED_FREEDOM, 0.95)))
 """Factor, 3.3, by which trials may scatter beyond the uncertainties stated for them: nineteen of
 twenty laboratories are wrong by less."""
 
-LEAST_P_VALUE = 1e-3
+MIN_P_VALUE = 1e-3
 """Probability of a chi² as large: one table in a thousand has it by chance."""
 
 
@@ -1521,10 +1515,10 @@ def _held(table: TrialTable, names: Sequence[str]) -> NDArray[np.bool_] | None:
             hint=f"Trials: {', '.join(table.names[:20])}.",
         )
     held = np.array([name in names for name in table.names])
-    if int((~held).sum()) < LEAST_TRIALS:
+    if int((~held).sum()) < MIN_TRIALS:
         raise TooLittleDataError(
             f"{int((~held).sum())} trials are left after holding {len(names)} out",
-            hint=f"At least {LEAST_TRIALS} must stay.",
+            hint=f"At least {MIN_TRIALS} must stay.",
         )
     return held
 
@@ -1576,6 +1570,6 @@ def _remainder(table: TrialTable, found: Search, answer: Answer) -> Remainder:
             told.append(f"{name} scatter by {100.0 * noise:.1f} %")
     free = sum(len(c.effect.strengths) for c in answer.members)
     p_value = float(gammaincc(0.5 * max(_count(table) - free, 1), 0.5 * posterior.chi2))
-    white = white and p_value > LEAST_P_VALUE
+    white = white and p_value > MIN_P_VALUE
     end = "as errors of reading do" if white else "more than errors of reading would"
     return Remainder(white, f"{subject}: {' and '.join(told)}, {end}.")

@@ -1,8 +1,7 @@
-"""What the engine says: frozen, and as the contract's JSON.
+"""Verdict of the engine, its acceptance tests, and its proof on data kept aside.
 
-One gate for all verdicts: what is left over, what the proof says, and whether it is steady.
-
-The proof on data kept aside: fit on some trials, predict the others.
+The proof fits each model to some trials and predicts the others, and fits it to the first 60 % of
+each track and predicts the rest.
 """
 
 import math
@@ -13,10 +12,11 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from mismatch.fitting.fit import Fit, Free, fit_model
+from mismatch.candidates import Candidate
+from mismatch.fitting.fit import Ending, Fit, Free, fit_model
 from mismatch.fitting.hypotheses import POOR_FIT, Hypothesis, is_known
 from mismatch.fitting.prepare import Prepared
-from mismatch.fitting.scan import heterogeneity, trial_pulls
+from mismatch.fitting.scan import heterogeneity, own_values, trial_pulls
 from mismatch.forward import Forward
 from mismatch.records import Records
 from mismatch.sanity import fall_in_g, keeps_time
@@ -25,6 +25,7 @@ from physics.domain import FloatArray
 from physics.effects import Coordinate, Effect, EffectId, Level, SwingState
 
 __all__ = [
+    "DOUBTED",
     "Alternative",
     "Doubt",
     "EngineVerdict",
@@ -33,14 +34,16 @@ __all__ = [
     "NamedEffect",
     "ParameterValue",
     "Passed",
+    "Prediction",
     "Remainder",
     "StrengthsOfEach",
     "VerdictKind",
     "hold_out",
     "pass_gate",
+    "predict",
 ]
 
-MOST_LISTED = 6
+MAX_LISTED = 6
 
 """Balls or trials whose strengths a sentence lists."""
 
@@ -386,7 +389,7 @@ class EngineVerdict:
 FORETOLD = 0.1
 
 """Share of what an answer takes away where it was fitted that it must take away elsewhere, lest the
-fit be a description; supposed: laws that hold take as much."""
+fit be a description; assumed: laws that hold take as much."""
 
 PROVED = 6.0
 
@@ -396,7 +399,7 @@ PROVED = 6.0
 def _each_in_words(each: StrengthsOfEach) -> str:
     scatter = ", ".join(f"{name} by {size:.3g}" for name, size in each.scatter.items())
     text = f"It differs from {each.level} to {each.level} ({scatter})"
-    if len(each.values) > MOST_LISTED:
+    if len(each.values) > MAX_LISTED:
         return text + "."
     own = (
         f"{name}: " + ", ".join(f"{p.value:.3g} ± {p.std:.1g}" for p in parameters)
@@ -415,19 +418,10 @@ _HEADLINES: dict[str, str] = {
     "unexplained": "Simulation and recording differ, and no known effect explains it.",
 }
 
-DECADES = 3.0
-
-"""Powers of ten of misfit at which a law is as likely to be wrong as right: beyond a few the noise
-can't be blamed any more, and something else acts."""
-
 DOUBTED = 0.45
 
-"""Probability that a name without proof has at most: below one half, so that it is no answer."""
-
-UNPROVED = 0.9
-
-"""Probability that a name has at most where no trial is left to prove it on: that the catalogue
-lacks what truly acts can't be seen from the trial that chose the name."""
+"""Probability that a name has at most where a rule in `FORBIDS` speaks against it. Convention:
+below one half, so that it is no answer."""
 
 CARRIED = 0.3
 
@@ -443,7 +437,7 @@ PULLED = 0.5
 
 SEEN = 2.5
 
-"""Standard uncertainties from nought, with place and length free, from which a strength is known:
+"""Standard uncertainties from zero, with place and length free, from which a strength is known:
 one in a hundred is so by chance."""
 
 HALF = 0.5
@@ -488,8 +482,21 @@ class Doubt(Enum):
         "an answer that nature forbids fits the records better: what the setup states of the air,"
         " the mass, the size or the scale may be wrong"
     )
+    AT_BOUND = "a parameter ended at the edge of what is allowed"
+    UNCONVERGED = "its fit did not converge"
+    ONE_RECORD = "one trial shows nothing twice: any smooth remainder could pass for a law"
     UNLIKELY = "it is less likely than all other answers together"
     NOISE = "the noise that is needed is as large as the motion itself, so nothing can be said"
+
+
+FORBIDS = frozenset(
+    {
+        Doubt.KEEPS_TIME, Doubt.OUTDONE, Doubt.PENDULUMS_WEIGHT, Doubt.SHAPE_OF_ONE,
+        Doubt.ONE_RECORD, Doubt.UNKNOWN_CALIBRATION,
+    }
+)  # fmt: skip
+"""Doubts with which no name is an answer, whatever its evidence: another explanation is at hand
+that the records cannot exclude."""
 
 
 @dataclass(frozen=True)
@@ -499,17 +506,11 @@ class Passed:
     Attributes
     ----------
     kind : VerdictKind
-    trust : float
-        Factor on the probabilities of what is named.
-    most : float
-        Largest probability that a name may have.
     doubts : tuple of Doubt
-        Why no more is believed.
+        What speaks against the answer.
     """
 
     kind: VerdictKind
-    trust: float = 1.0
-    most: float = 0.999
     doubts: tuple[Doubt, ...] = ()
 
     @property
@@ -518,9 +519,14 @@ class Passed:
         return not {Doubt.WORSE_HELD_OUT, Doubt.CARRIED, Doubt.NOISE}.intersection(self.doubts)
 
     @property
-    def shaken(self) -> bool:
-        """Whether something speaks against the answer, rather than too little for it."""
-        return not {Doubt.UNPROVED}.issuperset(self.doubts)
+    def against(self) -> tuple[Doubt, ...]:
+        """Doubts that speak against the answer, rather than too little for it."""
+        return tuple(doubt for doubt in self.doubts if doubt is not Doubt.UNPROVED)
+
+    @property
+    def most(self) -> float:
+        """Largest probability that a name may have."""
+        return DOUBTED if FORBIDS.intersection(self.doubts) else 0.999
 
 
 def pass_gate(
@@ -555,6 +561,12 @@ def pass_gate(
     doubts = [] if kept is not None else [Doubt.UNPROVED]
     if forward.records.trials == 1 and best.has_unnamed:
         doubts.append(Doubt.SHAPE_OF_ONE)
+    elif forward.records.trials == 1 and forward.mode != "swing":
+        doubts.append(Doubt.ONE_RECORD)
+    if any(_at_bound(best, member) for member in best.members):
+        doubts.append(Doubt.AT_BOUND)
+    if best.fit.ending is not Ending.CONVERGED:
+        doubts.append(Doubt.UNCONVERGED)
     if keeps_time(forward):
         doubts.append(Doubt.KEEPS_TIME)
     if outdone:
@@ -590,28 +602,28 @@ def pass_gate(
         doubts.append(Doubt.PENDULUMS_WEIGHT)
     elif kept is not None and not kept.proves and kept.gain is not None and kept.gain < NO_GAIN:
         doubts.append(Doubt.NO_GAIN)
-    return _passed(prepared, best, kind, tuple(doubts))
-
-
-def _passed(
-    prepared: Prepared, best: Hypothesis, kind: VerdictKind, doubts: tuple[Doubt, ...]
-) -> Passed:
-    trust = 1.0
-    if best.reduced_chi2 >= POOR_FIT:
-        decades = math.log10(best.reduced_chi2) / DECADES
-        trust = (1.0 - _left(prepared, best)) / (1.0 + decades**2)
-    most = UNPROVED if doubts else 0.999
-    through = Passed(kind, trust, most, doubts)
-    if through.shaken:
-        through = replace(through, most=DOUBTED)
-    if not through.names:
-        return Passed("unexplained", trust, DOUBTED, doubts)
     if best.has_unnamed and best.reduced_chi2 >= POOR_FIT * POOR_FIT:
         # A fitted shape that still leaves structure is a description, not a law.
-        return Passed("unexplained", trust, DOUBTED, (*doubts, Doubt.LEFT_OVER)[:2])
-    if through.shaken and kind == "explained":
-        return Passed("ambiguous", trust, DOUBTED, doubts)
-    return through
+        kind, doubts = "unexplained", [*doubts, Doubt.LEFT_OVER]
+    through = Passed(kind, tuple(dict.fromkeys(doubts)))
+    return through if through.names else replace(through, kind="unexplained")
+
+
+AT_BOUND = 1e-3
+"""Distance from a bound, in scales of the parameter, within which it is at the bound: the step of
+its finite difference."""
+
+
+def _at_bound(best: Hypothesis, member: Candidate) -> bool:
+    """Whether a parameter that was fitted ended at an edge of what is allowed."""
+    for index, item in enumerate(best.fit.free):
+        if best.fit.model.entries[item.entry][0] is not member.effect or item.parameter.is_held:
+            continue
+        p = item.parameter
+        value, _ = best.fit.value(index)
+        if value <= p.lower + AT_BOUND * p.scale or value >= p.upper - AT_BOUND * p.scale:
+            return True
+    return False
 
 
 def _left(prepared: Prepared, best: Hypothesis) -> float:
@@ -699,20 +711,36 @@ def _undetermined(best: Hypothesis) -> bool:
 
 
 def _own_like_noise(forward: Forward, best: Hypothesis) -> bool:
-    """Whether a law acts in each trial by a value of its own, about nought, under slow noise.
+    """Whether a law's strengths of each trial are no larger than slow noise makes them.
 
-    Noise with a memory bends each trial's path in its own way, too: a law that has no strength in
-    common is not told from it. Nor is it where records are too short to tell whether it has one.
+    Noise with a memory bends each trial's path in its own direction, too. Strengths are judged by
+    their spread: spins of opposite signs have no mean, and each may be far from none.
     """
     records = forward.records
     return (records.remembers or not records.tell_memory) and any(
-        member.effect.level is Level.TRIAL and _most_seen(best.fit, member.effect) < SEEN
+        member.effect.level is Level.TRIAL and _spread_seen(forward, best.fit, member.effect) < SEEN
         for member in best.members
     )
 
 
+def _spread_seen(forward: Forward, fit: Fit, effect: Effect) -> float:
+    """Standard deviations by which per-trial strengths together exceed their uncertainties.
+
+    The sum of their squares over their variances has the mean n and the variance 2 n where all are
+    none; the surest strength counts.
+    """
+    own = own_values(forward, fit, effect)
+    if own is None:
+        return _most_seen(fit, effect)
+    squares = np.square(own.value / own.std)
+    known = np.isfinite(squares)
+    count = known.sum(axis=0)
+    excess = np.where(known, squares, 0.0).sum(axis=0) - count
+    return float(np.max(excess / np.sqrt(np.maximum(2.0 * count, 1.0)), initial=0.0))
+
+
 def _most_seen(fit: Fit, effect: Effect) -> float:
-    """Standard uncertainties, misfit counted, by which an effect's surest strength is off nought.
+    """Standard uncertainties, misfit counted, by which an effect's surest strength is off zero.
 
     Infinite where it has no strength that was fitted.
     """
@@ -802,9 +830,9 @@ def _foretold(
     """Folds whose other trials tell all that is named, and the answer trained on those.
 
     Where the trials that are left leave a strength open that all of them tell, they foretell
-    nothing: a crisis that two trials went through was foretold fifty times too large. Then each
-    trial is kept out in turn, and those without which nothing is told stay in. Folds that a user
-    has `chosen` stay as they are.
+    nothing: a crisis that two trials went through was predicted fifty times too large. Then each
+    trial is kept out in turn, and those without which nothing is determined stay in. Folds that a
+    user has `chosen` stay as they are.
     """
 
     def tell(trained: Fit) -> bool:
@@ -899,50 +927,108 @@ def _ratio_95(before: FloatArray, after: FloatArray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _with_extrapolation(kept: HeldOut, forward: Forward, base: Fit, best: Fit) -> HeldOut:
-    """The proof with what the first part of each track foretells of the last."""
-    plain = _extrapolation(forward, base, base.free)
-    mended = _extrapolation(forward, best, best.free)
-    if plain is None or mended is None:
-        return kept
-    (before, count), (after, _) = plain, mended
-    total, seen = float(count.sum()), count > 0.0
-    return replace(
-        kept,
-        extrapolation_before=float(np.sqrt(before.sum() / total)),
-        extrapolation_after=float(np.sqrt(after.sum() / total)),
-        # An error that grows along a track is the whole trial's.
-        extrapolation_95=_ratio_95(before[seen], after[seen]) if seen.sum() > 1 else None,
-    )
+@dataclass(frozen=True)
+class Prediction:
+    """Errors of data that a model was not fitted to.
+
+    Attributes
+    ----------
+    errors, counts : (held-out trials × blocks,) arrays
+        Squared error sums and numbers of readings in held-out trials.
+    cost : float or None
+        Chi-square and penalties of held-out trials; None where there are none.
+    late, late_counts : (T,) arrays
+        The same for the last 40 % of each track, fitted on the first 60 %; empty where tracks are
+        too short.
+    """
+
+    errors: FloatArray
+    counts: FloatArray
+    cost: float | None
+    late: FloatArray
+    late_counts: FloatArray
+
+    @property
+    def late_rmse(self) -> float | None:
+        """Root mean square error of the last 40 % of all tracks."""
+        total = float(self.late_counts.sum())
+        return math.sqrt(float(self.late.sum()) / total) if total else None
+
+
+def predict(
+    forward: Forward, base: Fit, sets: Sequence[Hypothesis], held: np.ndarray | None = None
+) -> tuple[np.ndarray, dict[int, Prediction]]:
+    """Predictions of the baseline and of fitted sets, by the id of their fits.
+
+    Parameters
+    ----------
+    sets : sequence of Hypothesis
+        The answer first; which trials are held out depends on it.
+    held : (T,) bool array, optional
+        Trials that a user chose to hold out.
+
+    Returns
+    -------
+    folds : (folds, T) bool array
+        Trials held out; no rows where there are too few.
+    predictions : dict
+    """
+    folds = choose_held_out(forward) if held is None else held[None]
+    folds = folds[folds.any(axis=1) & ~folds.all(axis=1)]
+    best = sets[0]
+    trained: list[Fit] = []
+    if folds.size:
+        folds, trained = _foretold(forward, best, folds, chosen=held is not None)
+    found = {}
+    for fit in (base, *(h.fit for h in sets)):
+        errors, counts, cost = np.zeros(0), np.zeros(0), None
+        if folds.size:
+            learnt = trained if fit is best.fit else [_trained(forward, fit, m) for m in folds]
+            parts = [_errors(forward, fit, *one) for one in zip(learnt, folds, strict=True)]
+            errors, counts, cost = _together(parts)
+        late = _extrapolation(forward, fit, fit.free) or (np.zeros(0), np.zeros(0))
+        found[id(fit)] = Prediction(errors, counts, cost, *late)
+    return folds, found
 
 
 def hold_out(
-    forward: Forward, base: Fit, best: Hypothesis, held: np.ndarray | None = None
+    forward: Forward,
+    base: Fit,
+    best: Hypothesis,
+    held: np.ndarray | None = None,
+    *,
+    known: tuple[np.ndarray, Mapping[int, Prediction]] | None = None,
 ) -> HeldOut | None:
     """Held-out error of baseline and best model, with a bootstrap interval of their ratio.
+
+    Parameters
+    ----------
+    known : (folds, predictions), optional
+        As `predict` returns them, where they are at hand.
 
     Returns
     -------
     HeldOut or None
         None with fewer than two trials, or none kept aside.
     """
-    folds = choose_held_out(forward) if held is None else held[None]
-    folds = folds[folds.any(axis=1) & ~folds.all(axis=1)]
+    folds, predictions = known or predict(forward, base, [best], held)
     if not folds.size:
         return None
-    folds, learnt = _foretold(forward, best, folds, chosen=held is not None)
-    plain = [_errors(forward, base, _trained(forward, base, mask), mask) for mask in folds]
-    mended = [_errors(forward, best.fit, *one) for one in zip(learnt, folds, strict=True)]
-    before, count, cost = _together(plain)
-    after, _, less = _together(mended)
-    total = max(float(count.sum()), 1.0)
-    kept = HeldOut(
+    plain, mended = predictions[id(base)], predictions[id(best.fit)]
+    total = max(float(plain.counts.sum()), 1.0)
+    seen = plain.late_counts > 0.0
+    several = seen.sum() > 1 and mended.late.size
+    cost = 0.0 if plain.cost is None or mended.cost is None else plain.cost - mended.cost
+    return HeldOut(
         tuple(str(index) for index in np.flatnonzero(folds.any(axis=0))),
-        float(np.sqrt(before.sum() / total)),
-        float(np.sqrt(after.sum() / total)),
-        _ratio_95(before, after),
+        float(np.sqrt(plain.errors.sum() / total)),
+        float(np.sqrt(mended.errors.sum() / total)),
+        _ratio_95(plain.errors, mended.errors),
         "rad" if forward.mode == "swing" else "m",
-        gain=float(cost - less) / best.reduced_chi2 if best.reduced_chi2 < POOR_FIT else None,
+        gain=cost / best.reduced_chi2 if best.reduced_chi2 < POOR_FIT else None,
         claimed=max(0.0, 1.0 - math.sqrt(best.fit.chi2 / max(base.chi2, 1e-300))),
+        extrapolation_before=plain.late_rmse if mended.late.size else None,
+        extrapolation_after=mended.late_rmse if plain.late.size else None,
+        # An error that grows along a track is the whole trial's.
+        extrapolation_95=_ratio_95(plain.late[seen], mended.late[seen]) if several else None,
     )
-    return _with_extrapolation(kept, forward, base, best.fit)

@@ -127,7 +127,10 @@ def _options() -> argparse.Namespace:
         "--foreign",
         type=Path,
         nargs="*",
-        default=[ROOT.parent / "shared" / name for name in ("concealed_dev", "concealed_foreign")],
+        default=[
+            ROOT.parent / "shared" / name
+            for name in ("concealed_dev", "concealed_foreign", "concealed_third")
+        ],
         help="folders of campaigns of an independent simulator; skipped if absent",
     )
     parser.add_argument(

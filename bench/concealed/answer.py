@@ -118,7 +118,7 @@ def contradictions(raw: Mapping[str, Any]) -> list[str]:
     said = remainder["statement"]
     if remainder["white"] and "still holds structure" in said:
         found.append("white remainder with structure")
-    if not remainder["white"] and "cannot be told from noise" in said:
+    if not remainder["white"] and "cannot be distinguished from noise" in said:
         found.append("remainder that is not white called noise")
     if any(a["why_not"].startswith("fits worse by -") for a in raw["alternatives"]):
         found.append("an alternative fits better than the answer")

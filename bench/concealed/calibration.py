@@ -1,28 +1,24 @@
-"""Compare stated probabilities with frequencies and refit the trust constants.
+"""Compare stated probabilities with frequencies.
 
 A name counts as right only if exactly that effect was concealed; how often its declared group
 contains the truth is listed separately. Only worlds with other force laws count: the own
 generator uses the catalogue's forms.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from bench.concealed.score import Judgement
 from bench.concealed.statistics import Proportion, brier_score, calibration_error, wilson
 from metrology import written_whole
-from mismatch.explain import CATALOGUE_TRUST, GROUP_TRUST
 from pipelines.report.plots import Picture
 
 __all__ = [
     "Claim",
-    "Trusts",
     "calibration_section",
     "claims_of",
-    "cross_calibration",
     "draw_reliability",
-    "trusts_of",
 ]
 
 SURE = 0.9
@@ -48,64 +44,6 @@ class Claim:
     by_group: bool
     grouped: bool
     names: int = 1
-
-    @property
-    def untrusted(self) -> float:
-        """The probability before the two trust constants."""
-        trust = CATALOGUE_TRUST**self.names * (GROUP_TRUST if self.grouped else 1.0)
-        return min(self.stated / trust, 1.0)
-
-
-@dataclass(frozen=True)
-class Trusts:
-    """The two trust constants fitted to the answers in a world."""
-
-    catalogue: float
-    group: float
-
-    def stated(self, claim: Claim) -> float:
-        """The probability stated with these constants."""
-        trust = self.catalogue**claim.names * (self.group if claim.grouped else 1.0)
-        return claim.untrusted * trust
-
-
-def trusts_of(claims: Sequence[Claim]) -> Trusts:
-    """Constants by the rule of succession, and by the ratio of right names to stated ones."""
-    alone = [c for c in claims if not c.grouped and c.stated >= SURE]
-    catalogue = _succession(sum(c.right for c in alone), len(alone))
-    beside = [c for c in claims if c.grouped]
-    weight = sum(c.untrusted * catalogue**c.names for c in beside)
-    right = sum(c.right for c in beside)
-    return Trusts(catalogue, min(right / weight, 1.0) if weight else 1.0)
-
-
-def cross_calibration(worlds: Mapping[str, Sequence[Judgement]]) -> list[str]:
-    """Markdown lines: constants fitted to each world and scored on the others."""
-    claims = {name: claims_of(judgements) for name, judgements in worlds.items()}
-    claims = {name: found for name, found in claims.items() if found}
-    if len(claims) < 2:
-        return []
-    lines = [
-        "Constants fitted to one world's answers, and the Brier score of the other world's names"
-        " with them. In use:"
-        f" `CATALOGUE_TRUST` {CATALOGUE_TRUST} and `GROUP_TRUST` {GROUP_TRUST}.",
-        "",
-        "| fitted to | names | `CATALOGUE_TRUST` | `GROUP_TRUST` | scored on | Brier score |"
-        " with the values in use |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for source, known in claims.items():
-        trusts = trusts_of(known)
-        for target, asked in claims.items():
-            if target != source:
-                right = [c.right for c in asked]
-                with_them = brier_score([trusts.stated(c) for c in asked], right)
-                now = brier_score([c.stated for c in asked], right)
-                lines.append(
-                    f"| {source} | {len(known)} | {trusts.catalogue:.2f} | {trusts.group:.2f} |"
-                    f" {target} | {with_them:.3f} | {now:.3f} |"
-                )
-    return [*lines, ""]
 
 
 def claims_of(judgements: Sequence[Judgement]) -> list[Claim]:

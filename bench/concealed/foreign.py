@@ -67,15 +67,18 @@ def lab_facts(public: dict[str, Any]) -> LabFacts:
 def convert(source: Path, target: Path) -> None:
     """Write ball.csv, pendulum.csv and setup.toml of one foreign campaign, without its key."""
     target.mkdir(parents=True, exist_ok=True)
-    for name in ("ball.csv", "pendulum.csv"):
-        shutil.copyfile(source / name, target / name)
+    for name in ("ball.csv", "pendulum.csv", "setup.toml"):
+        if (source / name).exists():
+            shutil.copyfile(source / name, target / name)
+    if not (source / "public.json").exists():
+        return
     public = json.loads((source / "public.json").read_text(encoding="utf-8"))
     write_setup(target / "setup.toml", lab_facts(public))
 
 
 def convert_all(source: Path, target: Path) -> list[Path]:
     """Convert every campaign folder in `source`; returns the folders written, in order."""
-    folders = sorted(path.parent for path in source.glob("*/public.json"))
+    folders = sorted(path.parent for path in source.glob("*/answer.json"))
     for folder in folders:
         convert(folder, target / folder.name)
     return [target / folder.name for folder in folders]
@@ -128,9 +131,25 @@ def _hidden(effect: dict[str, Any], delta_chi2: float, alike: list[str]) -> Hidd
     )
 
 
+def _third_key(raw: dict[str, Any]) -> Key:
+    """The key of a campaign of the third world, whose laws carry the contract's ids."""
+    total, alone = raw["delta_chi2"], raw["delta_chi2_of_each"]
+    effects = tuple(
+        Hidden(
+            name=effect["law"], id=effect["id"], phase=effect["phase"], knob=effect["law"],
+            amplitude=effect["value"], constants={}, channels=(), local=False,
+            delta_chi2=alone.get(effect["law"], total), alike=tuple(raw["fair"]),
+        )
+        for effect in raw["effects"]
+    )  # fmt: skip
+    return Key(raw["case"], 0, raw["kind"], raw["level"], total, None, (), effects, ())
+
+
 def foreign_key(path: Path) -> Key:
     """The key of a foreign campaign from its answer.json."""
     raw = json.loads(path.read_text(encoding="utf-8"))
+    if "ids" in raw:
+        return _third_key(raw)
     total, alone = raw["delta_chi2"], raw["delta_chi2_of_each_effect_alone"]
     alike = raw["indistinguishable_single_effects_expected"]
     effects = tuple(

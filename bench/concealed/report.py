@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.concealed.calibration import calibration_section, cross_calibration
+from bench.concealed.calibration import calibration_section
 from bench.concealed.score import MIMICKED, Judgement
 from bench.concealed.second.laws import NAMED, UNNAMED
 from bench.concealed.statistics import Proportion, brier_score, calibration_error
@@ -417,12 +417,6 @@ def proof_text(
         *_second_section(second),
         "## Stated probabilities in worlds with other force laws",
         "",
-        *cross_calibration(
-            {
-                "foreign simulator": [s.judgement for s in foreign],
-                "second world": [s.judgement for s in second],
-            }
-        ),
         *calibration_section([s.judgement for s in (*foreign, *second)], reliability),
         "## From pixels",
         "",

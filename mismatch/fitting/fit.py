@@ -1,18 +1,10 @@
-"""Least squares over trial-to-trial values and shared parameters together.
+"""Fit models to campaigns by Gauss–Newton steps; free swings by multiple shooting.
 
-Normal equations around a point: the prediction's derivatives, and the system they make.
-
-The trial-to-trial values enter one trial each, so they are eliminated trial by trial (a Schur
-complement); what is left is a small system in the parameters that the trials share.
-
-Fits of free swings by multiple shooting.
-
-Over many periods a small error of a torque turns the phase around, and a fit of one long arc from
-afar ends anywhere. So every record is cut into pieces of about a period, each of which starts from
-a state read off the record itself; Gauss–Newton steps close the gaps between the pieces while they
-fit, and end on one arc (Bock, Springer Ser. Chem. Phys. 18, 102 (1981)).
-
-States of a swinging pendulum read off the record itself, with no model of its losses.
+Trial-to-trial values enter one trial each and are eliminated trial by trial (a Schur complement),
+which leaves a small system in the parameters that trials share. Over many periods a small error of
+a torque turns the phase around, so each record of a free swing is cut into pieces of about a
+period, each of which starts from a state read off the record; the steps close the gaps between
+pieces while they fit (Bock, Springer Ser. Chem. Phys. 18, 102 (1981)).
 """
 
 import math
@@ -31,9 +23,10 @@ from physics.effects import Coordinate, Effect, EffectId, Level, Parameter
 from physics.integrator import Trajectory, integrate
 
 __all__ = [
-    "FEWEST",
+    "FIRST_STEPS",
     "FROM_THE_RECORD",
     "GROUPED",
+    "MIN_ROWS",
     "PIECE_STEPS",
     "Arcs",
     "Ending",
@@ -177,7 +170,7 @@ def grouped_columns(forward: Forward, model: Model) -> Mapping[int, Level]:
 
 
 def _most_groups(forward: Forward, model: Model) -> int:
-    """Groups at the level that has most of them: rows that a level has not stay at nought."""
+    """Groups at the level that has most of them: rows that a level has not stay at zero."""
     levels = {Level.BALL, *grouped_columns(forward, model).values()}
     return max(len(forward.records.groups(level)[1]) for level in levels)
 
@@ -366,11 +359,11 @@ WINDOW = 0.09
 
 """Periods on each side of an instant over which a cubic follows a swing."""
 
-FEWEST = 5
+MIN_ROWS = 5
 
 """Rows: a damped swing has four unknowns, and one more shows whether it is one."""
 
-MOST = 200
+MAX_ROWS = 200
 
 """Rows of a local fit: the nearest ones, so that a slow swing at a high rate costs no more."""
 
@@ -378,7 +371,7 @@ TURNED = 0.25
 
 """Share of the amplitude that a swing must come back through before it counts as a half swing."""
 
-STILL, MOST_STILL = 4.0, 0.2
+STILL, MAX_STILL = 4.0, 0.2
 
 """Scatters of one reading that a half swing must exceed, lest the noise about a pendulum that has
 come to rest count (1 reading in 16,000 is further off); and the share of the widest swing that this
@@ -456,13 +449,13 @@ def rows_at_rest(records: Records, rate: float) -> NDArray[np.bool_]:
     for trial in range(records.trials):
         rows = np.flatnonzero(records.pendulum_used[trial])
         time, angle = records.pendulum_time[trial, rows], records.pendulum_angle[trial, rows]
-        if rows.size < 2 * FEWEST:
+        if rows.size < 2 * MIN_ROWS:
             continue
         scatter = max(_scatter(angle), 1e-12)
         back = np.floor((time[-1] - time) * rate / math.pi).astype(int)
         last = angle[back == 0]
         middle, moving = float(np.median(last)), 0
-        while last.size >= FEWEST:
+        while last.size >= MIN_ROWS:
             apart = abs(float(np.median(last)) - middle) * math.sqrt(last.size)
             wide = 1.4826 * float(np.median(np.abs(last - np.median(last))))
             most = 1.0 + QUIET / math.sqrt(last.size)
@@ -480,7 +473,7 @@ def rows_at_rest(records: Records, rate: float) -> NDArray[np.bool_]:
 
 
 def _seen(time: FloatArray, angle: FloatArray) -> SwingSeen:
-    if angle.size < FEWEST:
+    if angle.size < MIN_ROWS:
         return SwingSeen(math.nan, 0.0, 0.0, 0)
     low, high = float(angle.min()), float(angle.max())
     middle, amplitude = 0.5 * (low + high), max(0.5 * (high - low), 1e-12)
@@ -497,7 +490,7 @@ def _seen(time: FloatArray, angle: FloatArray) -> SwingSeen:
 
 def _running_middle(angle: FloatArray, middle: float) -> float:
     """The middle of the slow end, where losses have brought both sides together."""
-    tail = angle[-max(FEWEST, angle.size // 2) :]
+    tail = angle[-max(MIN_ROWS, angle.size // 2) :]
     inner = 0.5 * float(tail.min() + tail.max())
     return inner if np.ptp(tail) > 0.1 * np.ptp(angle) else middle
 
@@ -506,7 +499,7 @@ def _passages(time: FloatArray, angle: FloatArray, amplitude: float) -> FloatArr
     """Times at which the swing passes its middle, noise about it not counted twice."""
     found: list[float] = []
     turned, peak, before = True, 0.0, amplitude
-    still = min(STILL * _scatter(angle), MOST_STILL * amplitude)
+    still = min(STILL * _scatter(angle), MAX_STILL * amplitude)
     for at in range(1, angle.size):
         peak = max(peak, abs(float(angle[at])))
         turned = turned or peak > max(TURNED * before, still)
@@ -554,17 +547,17 @@ def local_states(records: Records, trial: int, at: FloatArray, rate: float) -> F
     angle = records.pendulum_angle[trial, used]
     period = 2.0 * math.pi / rate
     states = np.full((at.size, 2), np.nan)
-    if time.size < FEWEST:
+    if time.size < MIN_ROWS:
         return states
     for row, instant in enumerate(at):
         apart = np.abs(time - instant)
         near = np.flatnonzero(apart < WINDOW * period)
-        if near.size < FEWEST or near.size > MOST:
-            near = np.argsort(apart)[: FEWEST if near.size < FEWEST else MOST]
+        if near.size < MIN_ROWS or near.size > MAX_ROWS:
+            near = np.argsort(apart)[: MIN_ROWS if near.size < MIN_ROWS else MAX_ROWS]
         if apart[near].max() > period / 3.0:
             continue
         scale = max(float(apart[near].max()), 1e-12)
-        degree = 3 if near.size > FEWEST else 2
+        degree = 3 if near.size > MIN_ROWS else 2
         fitted = np.polynomial.polynomial.polyfit(
             (time[near] - instant) / scale, angle[near], degree
         )
@@ -926,7 +919,7 @@ STALLED = 1e-3
 
 """Share of the cost below which a damped step says that damping, not the record, has ended it."""
 
-MOST_DAMPED = 8
+MAX_DAMPINGS = 8
 
 """Steps that are tried at most, each damped more than the one before."""
 
@@ -934,12 +927,21 @@ ALONG_BEND = (1.0, 0.5, 0.2, 0.05)
 
 """Shares of a whole step that are tried along its bend."""
 
+FIRST_STEPS = 3
+
+"""Steps after which a fit far behind another is left: Gauss and Newton have then gone most of the
+distance."""
+
+SETTLED = 0.02
+
+"""Chi-square units below which a step ends a fit: odds then change by one per cent at most."""
+
 UNFINISHED = 0.02
 
 """Share of its misfit that the last step of a fit took away, from which more would follow."""
 
 
-BEYOND, MOST_BEYOND = 2.0, 0.1
+BEYOND, MAX_BEYOND = 2.0, 0.1
 """Standard uncertainties by which a fitted strength may lie beyond what nature allows, as chance
 takes it there in one case of forty; and the share of its scale that this may come to at most."""
 
@@ -1020,14 +1022,14 @@ class Fit:
         """Whether every free parameter lies in what nature allows, and not on the edge of it.
 
         What a baseline leaves open, or states, is given its own doubt: a drag that is not there is
-        found a little below nought as often as above.
+        found a little below zero as often as above.
         """
         for index, item in enumerate(self.free):
             value, std = self.value(index)
             p = item.parameter
             edge = 1e-6 * max(abs(p.lower), abs(p.upper))
             if p.is_held or self.model.entries[item.entry][0].id == EffectId.DRAG:
-                edge = max(edge, min(BEYOND * std, MOST_BEYOND * p.scale))
+                edge = max(edge, min(BEYOND * std, MAX_BEYOND * p.scale))
             if not np.isfinite(std) or not p.lower - edge <= value <= p.upper + edge:
                 return False
         return True
@@ -1037,7 +1039,7 @@ class Fit:
         """Whether what nature allows is not excluded: no strength beyond it by more than its doubt.
 
         Where a law is seen begin and not end, its strength and its place stand in for each other:
-        on the bound, away from nought, it fits as well to less than one unit of chi-square.
+        on the bound, away from zero, it fits as well to less than one unit of chi-square.
         """
         for index, item in enumerate(self.free):
             (value, std), p = self.value(index), item.parameter
@@ -1070,6 +1072,7 @@ def fit_model(
     shape_priors: bool = True,
     settled: bool = False,
     swing: SwingStart = FROM_THE_RECORD,
+    abandon: float = math.inf,
 ) -> Fit:
     """Gauss–Newton with step halving; free swings by multiple shooting.
 
@@ -1091,6 +1094,8 @@ def fit_model(
         Whether the offsets of balls and sessions stay as they are.
     swing : SwingStart
         Of free swings: the pieces to start from, and when to give up.
+    abandon : float
+        Of strikes and throws: objective above which a fit is left after `FIRST_STEPS` steps.
 
     Returns
     -------
@@ -1098,7 +1103,7 @@ def fit_model(
     """
     if forward.mode == "swing" and rounds:
         return _fit_swings(forward, model, free, start, shape_priors, settled, swing)
-    return _fit_in_one(forward, model, free, start, rounds, shape_priors, settled)
+    return _fit_in_one(forward, model, free, start, rounds, shape_priors, settled, abandon)
 
 
 def _as_they_are(system: Linearised, pull: FloatArray, groups: int) -> None:
@@ -1115,6 +1120,7 @@ def _fit_in_one(
     rounds: int,
     shape_priors: bool,
     settled: bool,
+    abandon: float = math.inf,
 ) -> Fit:
     nuisance, laws = fitting_start(forward, model, *start)
     anchors = np.array([_anchor(f, model) for f in free])
@@ -1138,7 +1144,9 @@ def _fit_in_one(
     cost = chi2 + penalty(nuisance, laws, model)
     matrix = np.zeros((n_laws + len(free),) * 2)
     damping, ending = 0.0, Ending.UNFINISHED
-    for _ in range(rounds):
+    for taken in range(rounds):
+        if taken >= FIRST_STEPS and cost > abandon:
+            break
         system = linearise(forward, model, nuisance, laws, free)
         shared_prior = system.shared_prior.copy()
         shared_prior[n_laws:] += prior_information
@@ -1164,7 +1172,7 @@ def _fit_in_one(
         if damping < 0.01:
             damping = 0.0
         ending = Ending.CONVERGED if gained < UNFINISHED * cost else Ending.UNFINISHED
-        if gained < 1e-3 + 1e-7 * cost:
+        if gained < SETTLED + 1e-7 * cost:
             break
     covariance = inverse_of(matrix)[n_laws:, n_laws:]
     return Fit(
@@ -1236,7 +1244,7 @@ def _stepped_down(
         ]
 
     dampings = [damping]
-    while len(dampings) < MOST_DAMPED:
+    while len(dampings) < MAX_DAMPINGS:
         dampings.append(max(4.0 * dampings[-1], 0.05))
 
     def damped(by: float) -> Point:
@@ -1289,7 +1297,7 @@ def _bend(
     """What to add to a step, times its share, so that it keeps to its valley to second order.
 
     Geodesic acceleration (Transtrum and Sethna, arXiv:1201.5885): one more prediction tells the
-    second derivative along the step. Nought where the probe runs off.
+    second derivative along the step. Zero where the probe runs off.
     """
     own, move = step
     ((_, probed),) = _residuals(forward, [_moved(point, free, step, PROBE)])
@@ -1347,7 +1355,7 @@ class _SwingFit:
         return own + groups + float(np.sum(self.prior * off**2))
 
     def _centred(self, point: Point) -> Point:
-        """The same losses of each release, told as shares of what they lose on average.
+        """The same losses of each release, reported as shares of what they lose on average.
 
         Far off the noise nothing else keeps strengths from being halved and all shares doubled.
         """
@@ -1404,7 +1412,7 @@ class _SwingFit:
     def covariance(self, place: _PlaceOfArcs, excess: float) -> FloatArray:
         """(n, n) of the free parameters, which readers widen by a misfit of `excess`.
 
-        How unevenly releases lose was told with the misfit counted as noise: it is not to be
+        How unevenly releases lose was determined with the misfit counted as noise: it is not to be
         widened once more.
         """
         prior = place.found.system.prior.copy()
@@ -1427,7 +1435,7 @@ class _SwingFit:
                 break
             gained, place = place.cost - moved.cost, moved
             damping = 0.0 if damping < 0.3 else 0.2 * damping
-            if gained < 1e-3 + 1e-6 * place.cost:
+            if gained < SETTLED + 1e-6 * place.cost:
                 break
             if place.cost > hopeless and gained < CREEPING * place.cost:
                 return place, True

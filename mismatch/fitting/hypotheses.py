@@ -1,13 +1,7 @@
-"""Fitted answers to "what was left out", and how they are weighed against each other.
+"""Fit sets of effects and compute their evidence, errors of form integrated out.
 
-What errors of forms explain: evidence with every weight integrated over.
-
-What a law's form may be wrong by: smooth relative errors along the law's own coordinate.
-
-A law is right up to a form that differs from apparatus to apparatus. Its error is written as the
-law itself times a smooth function of the coordinate that it depends on (Legendre polynomials, which
-for smooth functions stand for a Gaussian process with a long correlation length), each weight with
-a Gaussian prior around nothing. What a contact hands over may be off in each of its parts.
+A law is right up to a form that differs between laboratories. Its error is the law times a smooth
+function of its own coordinate (Legendre polynomials with Gaussian weights).
 """
 
 from collections.abc import Mapping, Sequence
@@ -58,11 +52,14 @@ from physics.effects.swing import BearingFriction
 
 __all__ = [
     "EXPECTED",
+    "FIRST_REACH",
+    "FIRST_SHARE",
     "LOOSE_LAWS",
     "MEMBER_PENALTY",
     "POOR_FIT",
     "SURELY",
     "Hypothesis",
+    "as_fitted",
     "evidence_of_uneven_losses",
     "fit_hypothesis",
     "form_evidence",
@@ -245,7 +242,7 @@ class FormEvidence:
     gain : float
         Twice the logarithm of the evidence over that of exact forms (chi-square units).
     absorbed : float
-        Chi-square that the errors take up at their likeliest size.
+        Chi-square that the errors take up at their most probable size.
     size : float
         That size, in units of what is usual for the laws.
     """
@@ -486,6 +483,24 @@ CERTAIN_GAIN = 6.6
 
 """What the penalised gain of one effect with a sign exceeds by chance in half a per cent."""
 
+FIRST_REACH = 40.0
+
+"""Chi-square units behind the best answer, after the first steps, from which more bring no law
+back."""
+
+FIRST_SHARE = 0.03
+
+"""Likewise as a fraction of the best one's gain, where misfits are large."""
+
+WHOLE_ROUNDS = 8
+
+"""Steps from which a fit is meant to reach its end, not to be a first look."""
+
+MAX_RELEASES = 8
+
+"""Restarts of a fit whose shapes moved. Chosen; the taut thread of the third world needs five, and
+further ones gain less than `SLACK`."""
+
 SLACK = 1.0
 
 """Chi-square units by which rounding and unfinished steps may leave a fit above where it began."""
@@ -581,8 +596,8 @@ class Hypothesis:
 
     @property
     def reduced_chi2(self) -> float:
-        """Chi-square that even loose forms leave over what noise leaves, at least one."""
-        return max(1.0, (self.fit.chi2 - self.form.absorbed) / max(self.fit.expected, 1.0))
+        """Misfit of the fit as it is reported; errors of form take nothing off it."""
+        return self.fit.reduced_chi2
 
     @property
     def allowed(self) -> bool:
@@ -667,15 +682,18 @@ def fit_hypothesis(
     rounds : int
         Most Gauss–Newton steps.
     rival : float
-        Objective of the best answer so far: a free swing far behind it is left.
+        Objective of the best answer so far: a fit far behind it is left.
     """
     origin = base if start is None else start
     added = [member.effect for member in members]
     swing = SwingStart(None if start is None else start.arcs, LOST * rival)
-    fit = _fitted_from(forward, base, members, strengths, origin, rounds, swing)
+    abandon = rival + max(FIRST_REACH, FIRST_SHARE * (base.objective - rival))
+    if not np.isfinite(rival):
+        abandon = np.inf
+    fit = _fitted_from(forward, base, members, strengths, origin, rounds, swing, abandon)
     if fit.objective > origin.objective + SLACK:
         # It holds the model that it started about, so it can't fit worse: the linear look led
-        # astray, and small strengths are the surer start.
+        # wrong, and small strengths are the surer start.
         held = [effect for effect, _ in origin.model.entries]
         small = [
             values if any(member.effect is one for one in held) else _neutral_strengths(member)
@@ -683,6 +701,8 @@ def fit_hypothesis(
         ]
         again = _fitted_from(forward, base, members, small, origin, rounds, swing)
         fit = min(fit, again, key=lambda one: one.objective)
+    if rounds >= WHOLE_ROUNDS and fit.objective <= abandon:
+        fit = _with_shapes_released(forward, base, members, fit, rounds, swing)
     # In free swings the catalogue's laws are each other's errors of form: zeroth, first and second
     # power of the rate. Loose ones would pass for any sum of them.
     form = EXACT if forward.mode == "swing" else form_evidence(forward, fit, added)
@@ -698,6 +718,48 @@ def fit_hypothesis(
     )  # fmt: skip
 
 
+def _with_shapes_released(
+    forward: Forward,
+    base: Fit,
+    members: Sequence[Candidate],
+    fit: Fit,
+    rounds: int,
+    swing: SwingStart,
+) -> Fit:
+    """The fit continued until the hold on its shapes no longer matters.
+
+    Each fit holds places, times and widths near where it starts. That hold keeps steps short; it is
+    no knowledge, so a fit that moved them is started again from where it ended.
+    """
+    for _ in range(MAX_RELEASES):
+        placed, strengths = as_fitted(members, fit)
+        moves = [
+            (value - dict(old.shape).get(name, value)) / scales[name]
+            for new, old in zip(placed, members, strict=True)
+            for scales in ({p.name: p.scale for p in new.effect.shapes},)
+            for name, value in new.shape
+        ]
+        if not moves or float(np.sum(np.square(moves))) < SLACK:
+            break
+        arcs = replace(swing, arcs=fit.arcs)
+        again = _fitted_from(forward, base, placed, strengths, fit, rounds, arcs)
+        if not fit.objective - again.objective > SLACK:
+            break
+        fit, members = again, placed
+    return fit
+
+
+def as_fitted(members: Sequence[Candidate], fit: Fit) -> tuple[list[Candidate], list[FloatArray]]:
+    """Candidates with their shapes, and their strengths, where a fit left them."""
+    found, strengths = [], []
+    for member in members:
+        held = next(v for e, v in fit.model.entries if e is member.effect)
+        shape = tuple((p.name, float(held[p.name])) for p in member.effect.shapes)
+        found.append(Candidate(member.effect, shape, member.tries))
+        strengths.append(np.array([held[p.name] for p in member.effect.strengths]))
+    return found, strengths
+
+
 def _fitted_from(
     forward: Forward,
     base: Fit,
@@ -706,6 +768,7 @@ def _fitted_from(
     origin: Fit,
     rounds: int,
     swing: SwingStart,
+    abandon: float = np.inf,
 ) -> Fit:
     """The baseline with candidates in it, fitted from given strengths."""
     model: Model = base.model
@@ -719,7 +782,7 @@ def _fitted_from(
     model = with_own_strengths(model.order(), added, origin.model)
     free = (*kept_free(base, model), *free_parameters(model, added))
     point = (origin.nuisance, origin.law_offsets)
-    return fit_with_levels(forward, model, free, point, rounds=rounds, swing=swing)
+    return fit_with_levels(forward, model, free, point, rounds=rounds, swing=swing, abandon=abandon)
 
 
 def _neutral_strengths(member: Candidate) -> FloatArray:
@@ -836,7 +899,7 @@ def _outer(matrix: FloatArray) -> FloatArray:
 
 
 def group_tolerance(best: Hypothesis) -> float:
-    """By how much another answer's penalised gain may be less, and it still be not told apart.
+    """By how much another answer's penalised gain may be less, and it still not be distinguished.
 
     Seven chi-square units are odds of thirty to one, times the misfit that is left; in strong
     cases one and a half per cent of the gain, since no law is known better than that, but no more

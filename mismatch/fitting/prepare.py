@@ -1,4 +1,4 @@
-"""From a campaign and a baseline to a fit that can start: mode, clocks, which rows, noise."""
+"""Prepare a campaign: mode, clocks, rows used, noise, and the refitted baseline."""
 
 import itertools
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from metrology import Defaults, TooLittleDataError
 from mismatch.fitting.fit import (
-    FEWEST,
+    MIN_ROWS,
     PIECE_STEPS,
     Fit,
     fit_model,
@@ -56,7 +56,7 @@ THROWN_SHARES = (2, 4)
 UNMOVED = 1e-3
 """Of the noise: what no fit sees."""
 
-MOST_PIECES = 120
+MAX_PIECES = 120
 """Pieces of a long swing; beyond so many, each is longer than a period."""
 
 
@@ -278,7 +278,7 @@ def _periods(records: Records, span: float) -> int:
     """Pieces that a swing of `span` is cut into: one for each period that the record shows."""
     rates = [one.rate for one in seen_swings(records) if np.isfinite(one.rate)]
     periods = span * max(rates, default=0.0) / (2.0 * np.pi)
-    return int(np.clip(np.ceil(periods), 1, MOST_PIECES))
+    return int(np.clip(np.ceil(periods), 1, MAX_PIECES))
 
 
 def _pace(forward: Forward) -> float:
@@ -290,14 +290,14 @@ def _pace(forward: Forward) -> float:
 def _while_it_swings(forward: Forward) -> Records:
     """The records without what comes after rest; of a pendulum that never swings all of them.
 
-    What friction holds beside the zero has no law of motion: it was told as a torque there.
+    What friction holds beside the zero has no law of motion: it was reported as a torque there.
     """
     records = forward.records
     rate = forward.pace * forward.setup_rate
     if not np.isfinite(rate) or rate <= 0.0:
         return records
     moving = records.pendulum_used & ~rows_at_rest(records, rate)
-    still = moving.sum(axis=1) < FEWEST
+    still = moving.sum(axis=1) < MIN_ROWS
     moving[still] = records.pendulum_used[still]
     return replace(records, pendulum_used=moving)
 
@@ -384,7 +384,7 @@ def prepare(
     known = model
     model = _with_instruments(forward, model)
     if mode == "swing":
-        # A baseline out of phase says nothing of strays or of the instrument; the local estimate
+        # A baseline out of phase says nothing of outliers or of the instrument; the local estimate
         # has found those, the fit beside any losses these.
         reading = told_beside_any_losses(forward, model, nuisance)
         instruments = (*baseline.instruments, *reading.faults)
@@ -425,7 +425,7 @@ def _with_instruments(forward: Forward, model: Model) -> Model:
 def _told_again(
     forward: Forward, fit: Fit, segments: tuple[FloatArray, FloatArray], noise: Noise
 ) -> Noise:
-    """Noise as told about the baseline's fit.
+    """Noise as estimated for the baseline's fit.
 
     The fit of strikes knows much, and less is left to pass for noise than about polynomials. That
     of free flights knows no more than the record: it tells noise anew only where this has a memory
@@ -528,7 +528,7 @@ def _left_over(records: Records, fit: Fit) -> Records:
 
 
 def _velocities(records: Records, left: Records) -> FloatArray:
-    """(T, S, 3) velocities of the ball as fitted, m/s; nought where it was not seen."""
+    """(T, S, 3) velocities of the ball as fitted, m/s; zero where it was not seen."""
     found = np.zeros(records.position.shape)
     fitted = records.position - left.position
     for trial, axis in np.ndindex(records.trials, 3):

@@ -1,8 +1,8 @@
-"""How free swings were read and how well their losses repeat, told beside losses of any kind.
+"""Estimate reading errors of an encoder and the repeatability of a bearing.
 
-The zeroth, first and second power of the rate together follow whatever brakes a pendulum, each
-record closely. What an instrument does to the angles, and by how much releases differ, is told
-beside them before any law is chosen: a law that is not quite right would buy either.
+Losses with the zeroth, first and second power of the rate together follow whatever brakes a
+pendulum. Reading errors and differences between releases are estimated with these losses free,
+before any law is chosen.
 """
 
 from collections.abc import Sequence
@@ -45,7 +45,7 @@ UNLIKELY = 0.05
 """Chance of a scatter as large from few releases, below which it is held to be more than usual."""
 
 ROUNDED = 0.1
-"""Share of a step by which the digits of a file may move one reading from the next; supposed."""
+"""Share of a step by which the digits of a file may move one reading from the next; assumed."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ def _usual(fit: Fit, fault: Effect) -> bool:
 
 
 def _uneven(forward: Forward, fit: Fit) -> float:
-    """The likeliest scatter of the releases' losses over what all lose; 0 if none is likelier.
+    """The most probable scatter of the releases' losses over what all lose; 0 if none is likelier.
 
     More than bearings have is another thing: a session's wear, or a law of its own.
     """

@@ -1,15 +1,9 @@
-"""Score every candidate at once: how much chi-square would each, or each pair, take away.
+"""Score candidates around a fit, and estimate how strengths vary between trials.
 
 Around a fitted model the records are linear in small strengths, and everything the fit may still
-change (trial-to-trial values, the laws' offsets, parameters already in the model) is projected out.
-
-How well fitted parameters are known where the law behind them is not quite right.
-
-Strengths that differ from ball to ball or trial to trial: how widely, and what that costs.
-
-The own values are Gaussian about the campaign's. Around a fit the records are linear in them, so
-the evidence of their scatter is a closed formula (empirical Bayes: Efron and Morris, J. Am. Stat.
-Assoc. 70, 311 (1975)), and the scatter is the one of highest evidence.
+change is projected out. Per-trial strengths are Gaussian about the campaign's value; the evidence
+of their spread is a closed formula (empirical Bayes: Efron and Morris, J. Am. Stat. Assoc. 70, 311
+(1975)), and the spread of highest evidence is used.
 """
 
 from collections.abc import Sequence
@@ -67,9 +61,9 @@ REFINEMENTS = 40
 
 ROUNDS = 3
 
-"""Fits, each with the scatter that the one before makes likeliest."""
+"""Fits, each with the scatter that the one before makes most probable."""
 
-LEAST = 1e-4
+MIN_SPREAD = 1e-4
 
 """Scatter, in scales of the strength, that is none."""
 
@@ -222,7 +216,7 @@ def told_of_own(
 def scatter_evidence(
     score: FloatArray, information: FloatArray, scale: FloatArray
 ) -> tuple[FloatArray, float]:
-    """The likeliest scatter of own values (n,), and twice the logarithm of its evidence over none.
+    """Most probable spread of own values (n,), and twice the logarithm of its evidence over none.
 
     Parameters
     ----------
@@ -238,9 +232,9 @@ def scatter_evidence(
         posterior = np.linalg.inv(information + np.diag(spread**-2.0))
         mean = (posterior @ score[..., None])[..., 0]
         squares = (mean**2 + np.einsum("gnn->gn", posterior)).mean(axis=0)
-        spread = np.maximum(np.sqrt(squares), LEAST * scale)
+        spread = np.maximum(np.sqrt(squares), MIN_SPREAD * scale)
     found = _evidence_of_levels(score, information, spread)
-    return (spread, found) if found > 0.0 else (LEAST * scale, 0.0)
+    return (spread, found) if found > 0.0 else (MIN_SPREAD * scale, 0.0)
 
 
 def _around(
@@ -274,7 +268,7 @@ def _scales(effect: Effect) -> FloatArray:
 
 
 def _with_likely_scatter(forward: Forward, at: _Place, reduced_chi2: float) -> Model:
-    """The model with each effect's scatter at its likeliest around a place."""
+    """The model with each effect's scatter at its most probable around a place."""
     model = at.model
     for effect in _scattered(model):
         score, information, values = _around(forward, replace(at, model=model), effect)
@@ -303,6 +297,7 @@ def fit_with_levels(
     *,
     rounds: int = 10,
     swing: SwingStart = FROM_THE_RECORD,
+    abandon: float = np.inf,
 ) -> Fit:
     """As `fit_model`, with the scatter of own strengths learnt."""
     fit = None
@@ -313,7 +308,9 @@ def fit_with_levels(
         fit = fit_model(forward, model, free, start, rounds=rounds, swing=swing)
         model, start = fit.model, (fit.nuisance, fit.law_offsets)
         swing = replace(swing, arcs=fit.arcs)
-    return fit or fit_model(forward, model, free, start, rounds=rounds, swing=swing)
+    return fit or fit_model(
+        forward, model, free, start, rounds=rounds, swing=swing, abandon=abandon
+    )
 
 
 def price_of_levels(forward: Forward, fit: Fit) -> float:
@@ -392,7 +389,7 @@ def _own_std(forward: Forward, fit: Fit, mine: Sequence[OwnStrength]) -> FloatAr
 
 LINEAR_SHARE = 0.5
 
-"""Share of a step by which the linear look may misjudge it; supposed."""
+"""Share of a step by which the linear look may misjudge it; assumed."""
 
 LANES_AT_ONCE = 48
 
@@ -421,7 +418,7 @@ class Scan:
         Value of each strength in the model the scan starts from.
     scattered : (candidates,) array
         Evidence of strengths that scatter from ball to ball or trial to trial about where they
-        start, over none; nought for those that all trials share.
+        start, over none; zero for those that all trials share.
     """
 
     candidates: tuple[Candidate, ...]
@@ -589,11 +586,11 @@ def scan(forward: Forward, fit: Fit, candidates: Sequence[Candidate]) -> Scan:
     return Scan(tuple(candidates), tuple(columns), matrix, vector, np.array(starts), scattered)
 
 
-LEAST_WEIGHT = 1e-3
+MIN_WEIGHT = 1e-3
 
 """Information of a trial over that of the best one below which it tells nothing of a strength."""
 
-LEAST_TRIALS = 6
+MIN_TRIALS = 6
 
 """Trials from which their scatter says something."""
 
@@ -615,7 +612,7 @@ def robust_spread(forward: Forward, fit: Fit) -> FloatArray:
     information, pulls = _pulls(forward, fit)
     first = information.shape[0] - len(fit.free)
     trials, freedom = pulls.shape[0], pulls.shape[1]
-    if trials < max(LEAST_TRIALS, freedom + 2) or not np.isfinite(information).all():
+    if trials < max(MIN_TRIALS, freedom + 2) or not np.isfinite(information).all():
         return np.asarray(plain)
     inverse = inverse_of(information)
     pulls = pulls - pulls.mean(axis=0)
@@ -663,7 +660,7 @@ def heterogeneity(forward: Forward, fit: Fit) -> tuple[Heterogeneity, ...]:
     pulls = pulls / fit.reduced_chi2
     found = []
     for pull, weight in zip(pulls.T, weights.T, strict=True):
-        tells = weight > LEAST_WEIGHT * max(float(weight.max(initial=0.0)), 1e-300)
+        tells = weight > MIN_WEIGHT * max(float(weight.max(initial=0.0)), 1e-300)
         degrees = int(tells.sum()) - 1
         if degrees < 1 or not np.isfinite(pull[tells]).all():
             found.append(Heterogeneity(1.0, 0.0))

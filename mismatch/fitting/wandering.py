@@ -1,9 +1,8 @@
-"""Errors that wander over a whole record, told from laws by how each record goes its own way.
+"""Separate errors that drift over a whole record from laws.
 
-A marker that wobbles, a tracker that drifts: over a short flight that bends a path as a force does.
-But a law bends all flights alike, as their speeds say, and errors each in a way of their own. So
-what the best law leaves over is looked at cosine by cosine, and the variance of each learnt from
-its scatter over the trials (empirical Bayes, as for strengths that differ from trial to trial).
+A marker that wobbles or a tracker that drifts bends a path over a short flight as a force does. A
+law bends all flights alike; such errors bend each in its own direction. The variance of each cosine
+of what the best law leaves over is estimated from its spread over the trials (empirical Bayes).
 """
 
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ __all__ = ["Wandering", "wandering_errors"]
 COSINES = 16
 """Slowest cosines that are looked at: up to eight turns of a marker in one flight."""
 
-LEAST_TRIALS = 6
+MIN_TRIALS = 6
 """Trials from which their scatter says something."""
 
 PRICE = 4.0
@@ -40,7 +39,7 @@ class Wandering:
     excess : (3, K) array
         Variance of each cosine by coordinate, beyond that of white noise and in its units.
     gain : float
-        What it takes off the deviance, its freedom paid for; nought if there is none.
+        What it takes off the deviance, its freedom paid for; zero if there is none.
     """
 
     excess: FloatArray
@@ -59,7 +58,7 @@ def wandering_errors(forward: Forward, residual: FloatArray) -> Wandering:
         (record − prediction) / sigma, white but for them.
     """
     records = forward.records
-    if forward.mode != "flight" or records.trials < LEAST_TRIALS:
+    if forward.mode != "flight" or records.trials < MIN_TRIALS:
         return NONE
     rows = records.ball_time.shape[1]
     basis = slow_cosines(records, COSINES)
@@ -69,7 +68,7 @@ def wandering_errors(forward: Forward, residual: FloatArray) -> Wandering:
     count = told.sum(axis=0)
     variance = np.square(found).sum(axis=0) / np.maximum(count, 1)
     gain = count * (variance - 1.0 - np.log(np.maximum(variance, 1e-300))) - PRICE
-    kept = (count >= LEAST_TRIALS) & (variance > 1.0) & (gain > 0.0)
+    kept = (count >= MIN_TRIALS) & (variance > 1.0) & (gain > 0.0)
     if not kept.any() or _together(found, told, kept):
         return NONE
     # How large a variance is that few trials tell is in doubt itself (Student).

@@ -1,7 +1,4 @@
-"""Where a mismatch sits: phase, time, direction.
-
-What is left over after a fit, and what the data say about their noise.
-"""
+"""Locate a mismatch: phase, time and direction; test what remains after a fit."""
 
 from dataclasses import dataclass
 
@@ -20,7 +17,6 @@ __all__ = [
     "flight_state",
     "locate",
     "noise_notes",
-    "reduced_chi2",
     "remainder_of",
     "swing_state",
     "where_it_is_largest",
@@ -371,22 +367,6 @@ def locate(forward: Forward, base: Fit, best: Hypothesis | None) -> Location | N
     )  # fmt: skip
 
 
-def reduced_chi2(prepared: Prepared, chi2: float, count: int) -> float:
-    """Chi-square per degree of freedom, against white noise as estimated."""
-    inflation = prepared.noise.inflation
-    used = prepared.forward.records.used
-    s = prepared.forward.records.ball_time.shape[1]
-    share = [used[:, k * s : (k + 1) * s].sum() for k in range(3)] + [used[:, 3 * s :].sum()]
-    mean = float(np.average(inflation, weights=np.maximum(share, 1e-9)))
-    return float(chi2 * mean / max(count - base_parameters(prepared), 1))
-
-
-def base_parameters(prepared: Prepared) -> int:
-    """How many trial-to-trial values the data alone determine (those without a prior)."""
-    per_trial = {"impact": 1, "flight": 4, "swing": 2}[prepared.forward.mode]
-    return per_trial * prepared.forward.records.trials
-
-
 def _whiteness(forward: Forward, fit: Fit) -> float:
     records = forward.records
     s = records.ball_time.shape[1]
@@ -401,12 +381,12 @@ def _whiteness(forward: Forward, fit: Fit) -> float:
 
 
 def remainder_of(prepared: Prepared, best: Hypothesis | None) -> Remainder:
-    """What is left after the best model, and whether it can be told from noise."""
+    """What is left after the best model, and whether it can be distinguished from noise."""
     forward = prepared.forward
     fit = prepared.fit if best is None else best.fit
     probability = _whiteness(forward, fit)
     before = _whiteness(forward, prepared.fit)
-    reduced = reduced_chi2(prepared, fit.chi2, fit.count)
+    reduced = fit.chi2 / fit.expected
     correlated = bool((prepared.noise.inflation > 1.0).any())
     scanned = scan_windows(forward, fit)
     spread = 4.0 * np.sqrt(2.0 / max(fit.count, 1)) * (2.0 if correlated else 1.0)
@@ -414,7 +394,7 @@ def remainder_of(prepared: Prepared, best: Hypothesis | None) -> Remainder:
     if not correlated:
         white = white and probability > 1e-3
     subject = "The baseline's residuals" if best is None else "What remains after the best model"
-    verb = "cannot be told from noise" if white else "still holds structure"
+    verb = "cannot be distinguished from noise" if white else "still holds structure"
     told = f"{subject} {verb} (chi2 per degree of freedom {reduced:.2f})."
     if correlated or probability == before == 1.0:
         # Noise that remembers is never white: its p-value would accuse the model of the noise.

@@ -1,9 +1,7 @@
-"""Name what was left out: singles, then growing sets, each refitted before it is believed.
+"""Search for the set of effects that explains a mismatch.
 
-The missing force itself, over time: a smoother on what the baseline leaves over.
-
-The force is a row of overlapping hats in time with a smoothness prior (a Gaussian process cut into
-hats); positions are linear in it through the forward model, so its posterior is Gaussian and exact.
+The missing force over time is the posterior of a row of overlapping hats with a smoothness prior;
+positions are linear in it, so that it is Gaussian and exact.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,12 +13,15 @@ from typing import TypeAlias
 import numpy as np
 
 from mismatch.candidates import Candidate, candidates_for
-from mismatch.fitting.fit import Ending, Fit
+from mismatch.fitting.fit import FIRST_STEPS, Ending, Fit
 from mismatch.fitting.hypotheses import (
+    FIRST_REACH,
+    FIRST_SHARE,
     MEMBER_PENALTY,
     POOR_FIT,
     SLACK,
     Hypothesis,
+    as_fitted,
     evidence_of_uneven_losses,
     fit_hypothesis,
     group_tolerance,
@@ -36,6 +37,7 @@ from mismatch.fitting.hypotheses import (
 from mismatch.fitting.scan import Scan, robust_spread, scan
 from mismatch.forward import Forward
 from mismatch.sanity import dropped_in_each
+from mismatch.search.unnamed import SmoothCurve
 from physics.domain import FloatArray, Number, Vector
 from physics.effects import (
     Coordinate,
@@ -66,52 +68,40 @@ FORM_SHARE = 0.15
 
 MISJUDGED = 0.5
 
-"""Share of what the linear look promised of a form below which a law's fits have told nothing of
-its other forms; supposed."""
+"""Share of what the linear look promised of a form below which a law's fits have shown nothing of
+its other forms; assumed."""
 
 SECOND_FORM_REACH = 4.0
 
 """Penalised gain behind the best further law, by the linear look, up to which its other forms are
 fitted."""
 
-FIRST_ROUNDS = 3
+MAX_UNNAMED = 6
 
-"""Steps after which a law that is far behind is left: Gauss and Newton have then gone most of the
-way."""
+"""Laws in no catalogue that are tried, and likewise curves, the best by the linear look. Chosen: a
+law that saturates is misjudged by the linear look, and curves would crowd it out."""
 
-FIRST_SHARE = 0.03
-
-"""Likewise as a share of the best one's gain, where misfits are large."""
-
-MOST_UNNAMED = 6
-
-"""Laws and curves in no catalogue that are tried, the best by the linear look; supposed."""
-
-MOST_CORRECTED = 3
+MAX_CORRECTED = 3
 
 """Laws and curves in no catalogue, the best alone first, that are tried beside a correction of what
-the setup states; supposed."""
+the setup states; assumed."""
 
 SEED_SHARE = 0.35
 
-"""Share of the best smaller set's evidence from which a set is grown; supposed."""
-
-FIRST_REACH = 40.0
-
-"""Penalised gain behind the best, after the first steps, from which more bring no law back."""
+"""Share of the best smaller set's evidence from which a set is grown; assumed."""
 
 LAW_REACH = 16.0
 
 """Penalised gain behind the best answer from which further forms of a law can't matter any more."""
 
-MOST_SINGLES = 16
+MAX_SINGLES = 16
 
-"""Effects that are tried in groups, the best alone first; supposed."""
+"""Effects that are tried in groups, the best alone first; assumed."""
 
-MOST_INSTEAD = 6
+MAX_INSTEAD = 6
 
 """Pairs of laws that are fitted in place of one that leaves nothing over, and laws that are fitted
-in place of one of several; supposed."""
+in place of one of several; assumed."""
 
 SCALES = frozenset({"length_scale", "time_base"})
 
@@ -128,9 +118,9 @@ STEADY = 3.0
 
 """Sigma, by the scatter of trials, from which a strength is not chance."""
 
-MOST_EFFECTS = 3
+MAX_EFFECTS = 3
 
-"""Effects in one answer, supposed: a campaign hardly tells four apart."""
+"""Effects in one answer, assumed: a campaign hardly distinguishes four."""
 
 
 @dataclass(frozen=True)
@@ -230,7 +220,7 @@ class Naming:
         """Answers of the same size that the data can't tell from the best one.
 
         Laws are compared by all their forms together, and by their best forms: what either leaves
-        open is not excluded, as far as it belongs to the likeliest `CREDIBLE` of all.
+        open is not excluded, as far as it belongs to the most probable `CREDIBLE` of all.
         """
         best = self.best
         if best is None:
@@ -259,7 +249,7 @@ class Naming:
         )
 
     def with_likeliest(self) -> "Naming":
-        """The same, its answer the best form of the set that all forms together make likeliest.
+        """The same, its answer the best form of the set that all forms together make most probable.
 
         One form among five that fits best was chosen among five. A name goes before a law that has
         none as long as that is no likelier, and it has paid for being rare. Where nothing fits to
@@ -381,10 +371,13 @@ def _by_law(ranked: Ranked, candidates: Sequence[Candidate]) -> tuple[Ranked, Ra
     first: Ranked = []
     others: Ranked = []
     lead: dict[str, float] = {}
+    unnamed = {True: 0, False: 0}
     for item in ranked:
         identity = candidates[item[1]].id
         if identity == EffectId.UNNAMED:
-            if sum(candidates[one[1]].id == EffectId.UNNAMED for one in first) < MOST_UNNAMED:
+            kind = isinstance(candidates[item[1]].effect, SmoothCurve)
+            if unnamed[kind] < MAX_UNNAMED:
+                unnamed[kind] += 1
                 first.append(item)
         elif identity not in lead:
             lead[identity] = item[0]
@@ -415,7 +408,7 @@ def _those_that_compete_finished(
 
 def _continued(forward: Forward, base: Fit, h: Hypothesis) -> Hypothesis:
     """A hypothesis fitted on from where it stands."""
-    members, strengths = _as_fitted(h)
+    members, strengths = as_fitted(h.members, h.fit)
     return fit_hypothesis(forward, base, members, strengths, start=h.fit)
 
 
@@ -462,7 +455,7 @@ def name_effects(
     effects: Sequence[Effect],
     *,
     inflation: float = 1.0,
-    most: int = MOST_EFFECTS,
+    most: int = MAX_EFFECTS,
     unnamed: bool = True,
 ) -> Naming:
     """Find the set of effects that explains a mismatch.
@@ -498,14 +491,14 @@ def name_effects(
         return Naming(None, (), threshold, first)
     share = -np.inf if swinging else 0.4
     first_of_each, others = _by_law(ranked, candidates)
-    for _, index, values in _shortlist(first_of_each, MOST_SINGLES, share):
+    for _, index, values in _shortlist(first_of_each, MAX_SINGLES, share):
         tried.append(
             fit_hypothesis(
                 forward,
                 base,
                 [candidates[index]],
                 [values],
-                rounds=FIRST_ROUNDS,
+                rounds=FIRST_STEPS,
                 rival=_ahead(tried),
             )
         )
@@ -565,7 +558,7 @@ def _confirmed(forward: Forward, base: Fit, naming: Naming) -> Naming:
         return naming
     agreed, tried = 1, list(naming.tried)
     for share in OTHER_STARTS:
-        members, strengths = _as_fitted(best)
+        members, strengths = as_fitted(best.members, best.fit)
         begun = [
             np.array([p.neutral + share * (v - p.neutral) for p, v in
                       zip(member.effect.strengths, values, strict=True)])
@@ -633,7 +626,7 @@ def _steady(forward: Forward, best: Hypothesis, tried: Sequence[Hypothesis]) -> 
 def _significance(fit: Fit, effect: Effect, spreads: FloatArray) -> float:
     """Sigma by which the strongest strength of an effect is off neutral.
 
-    One that each ball, session or trial has of its own may have a mean of nought; the evidence has
+    One that each ball, session or trial has of its own may have a mean of zero; the evidence has
     weighed its scatter already.
     """
     if effect.level is not Level.CAMPAIGN:
@@ -736,7 +729,7 @@ def _beyond_losses(forward: Forward, larger: Hypothesis, named: Hypothesis) -> b
         return True
     further = [
         member
-        for member in _as_fitted(larger)[0]
+        for member in as_fitted(larger.members, larger.fit)[0]
         if member.id not in named.ids and member.effect.coordinate is not Coordinate.RATE
     ]
     if not further:
@@ -837,7 +830,7 @@ def _two_instead(first: Scan, best: Hypothesis) -> list[tuple[list[Candidate], l
         if first.candidates[at].id != EffectId.UNNAMED
     ]  # fmt: skip
     own = max((gain for gain, at in leading if first.candidates[at].id in best.ids), default=np.inf)
-    others = [at for _, at in leading if first.candidates[at].id not in best.ids][:MOST_SINGLES]
+    others = [at for _, at in leading if first.candidates[at].id not in best.ids][:MAX_SINGLES]
     found = []
     for pair in combinations(others, 2):
         gain, values = first.gain(*pair)
@@ -846,7 +839,7 @@ def _two_instead(first: Scan, best: Hypothesis) -> list[tuple[list[Candidate], l
         if gain > own - group_tolerance(best):
             found.append((gain, members, np.split(values, [len(first.columns[pair[0]])])))
     found.sort(key=lambda one: -one[0])
-    return [(members, strengths) for _, members, strengths in found[:MOST_INSTEAD]]
+    return [(members, strengths) for _, members, strengths in found[:MAX_INSTEAD]]
 
 
 def _worth_a_fit(
@@ -892,7 +885,7 @@ def _corrected(
     if forward.mode == "swing" or not stated or not alone:
         return []
     found = []
-    for seed in [h for h in alone if h.has_unnamed][:MOST_CORRECTED]:
+    for seed in [h for h in alone if h.has_unnamed][:MAX_CORRECTED]:
         if seed.penalised_gain < SEED_SHARE * alone[0].penalised_gain:
             continue
         pool = candidates_for(forward, seed.fit.model, stated, unnamed=False)
@@ -910,7 +903,7 @@ def _without_each(forward: Forward, base: Fit, found: Hypothesis) -> list[Hypoth
     A law of several strengths or shapes may have ended elsewhere when it was fitted alone; what
     seems to need a fellow then only needed another start.
     """
-    members, strengths = _as_fitted(found)
+    members, strengths = as_fitted(found.members, found.fit)
     smaller = []
     for place in range(len(members)):
         kept = [k for k in range(len(members)) if k != place]
@@ -932,7 +925,7 @@ def _in_place_of_each(
 ) -> list[Hypothesis]:
     """The set with each law in turn replaced by others that promise as much beside its fellows.
 
-    Sets grow by the best form of each law; another form may be what cannot be told from the answer,
+    Sets grow by the best form of each law; another form may be indistinguishable from the answer,
     and a law that was never fitted is not excluded.
     """
     if forward.mode == "swing" or len(best.members) < 2:
@@ -956,7 +949,7 @@ def _in_place_of_each(
             if gain > least and pool[at].id not in best.ids and keys | {pool[at].key} not in done
         ]  # fmt: skip
         found += [
-            _extended(forward, base, rest, pool[at], values) for at, values in new[:MOST_INSTEAD]
+            _extended(forward, base, rest, pool[at], values) for at, values in new[:MAX_INSTEAD]
         ]
     return found
 
@@ -976,7 +969,7 @@ def _in_best_forms(
     others = _in_other_forms(forward, base, effects, larger)
     tried.extend(others)
     found = _best_allowed(forward, [larger, *others]) or larger
-    if forward.mode == "swing" or (found is larger and len(found.members) < MOST_EFFECTS):
+    if forward.mode == "swing" or (found is larger and len(found.members) < MAX_EFFECTS):
         return found, best
     # A law may have been taken in for what another form of its fellow says, or for what a fellow
     # explains that came after it: sets grow one by one, and not every pair was fitted on the way.
@@ -1059,17 +1052,6 @@ def _one_per_id(seeds: Sequence[Hypothesis], most: int) -> list[Hypothesis]:
     return list(chosen.values())[:most]
 
 
-def _as_fitted(h: Hypothesis) -> tuple[list[Candidate], list[FloatArray]]:
-    """The members of a hypothesis with their shapes, and their strengths, as they were fitted."""
-    members, strengths = [], []
-    for member in h.members:
-        held = next(v for e, v in h.fit.model.entries if e is member.effect)
-        shape = tuple((p.name, float(held[p.name])) for p in member.effect.shapes)
-        members.append(Candidate(member.effect, shape, member.tries))
-        strengths.append(np.array([held[p.name] for p in member.effect.strengths]))
-    return members, strengths
-
-
 def _extended(
     forward: Forward,
     base: Fit,
@@ -1079,7 +1061,7 @@ def _extended(
     rival: float = np.inf,
 ) -> Hypothesis:
     """Refit a set with one more effect, starting from where the smaller set ended."""
-    members, strengths = _as_fitted(seed)
+    members, strengths = as_fitted(seed.members, seed.fit)
     return fit_hypothesis(
         forward, base, [*members, more], [*strengths, values], start=seed.fit, rounds=8,
         rival=rival,

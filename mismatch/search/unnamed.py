@@ -1,15 +1,9 @@
-"""Laws for a force that is in no catalogue: direction × powers of speed × place, time or angle.
+"""Laws and smooth curves for forces that are in no catalogue.
 
-Each law is dimensionally whole: a strength with the unit of a force, torque or ratio, times a shape
-without a unit. All carry the id ``unnamed`` and are never dressed as a known effect.
-
-What is in no catalogue as a smooth curve over one coordinate: a force, a torque, a drift.
-
-Cubic B-splines over time, place, height, speed or direction of a flight, over angle or rate of a
-swing, or over the order of the trials; their weights have one Gaussian prior (a Gaussian process
-with the correlation length of a knot). The prior's width is the one of highest evidence; what the
-freedom costs is the evidence's own price for it, so that such a field competes on equal terms with
-every set of named effects.
+Laws are a strength with the unit of a force, torque or ratio times a shape without a unit. Curves
+are cubic B-splines over time, place, height, speed or direction of a flight, angle or rate of a
+swing, or the order of trials. Their weights have one Gaussian prior, whose width is the one of
+highest evidence. All carry the id ``unnamed``.
 """
 
 from dataclasses import dataclass, replace
@@ -45,6 +39,7 @@ __all__ = [
     "PeriodicForce",
     "PlacedBrake",
     "Pull",
+    "ResistanceCurve",
     "RestoringTorque",
     "SmoothCurve",
     "SpeedPower",
@@ -163,6 +158,7 @@ class PeriodicForce(UnnamedLaw):
     form: str = "horizontal"
     separating: str = "the same shot at another time of day, fans and doors shut"
     coordinate: Coordinate = Coordinate.TIME
+    sharp: bool = False
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """One frequency, any phase."""
@@ -406,11 +402,15 @@ KNOTS = 9
 
 """Weights of one curve: pieces of an eighth of the coordinate, shorter than most gusts."""
 
+COARSE_KNOTS = 4
+
+"""Weights of a coefficient that changes slowly: thirds of its coordinate."""
+
 DRIFT_KNOTS = 4
 
 """Weights of a drift over the trials: thirds of a campaign, which rarely has more than a dozen."""
 
-LEAST_TRIALS = 6
+MIN_TRIALS = 6
 
 """Trials from which a drift is more than what each of them may be off by itself."""
 
@@ -490,6 +490,7 @@ class SmoothCurve(Effect):
     phase: Phase = "flight"
     parameters: tuple[Parameter, ...] = ()
     looseness: float = 0.0
+    sharp: bool = False
     low: float = 0.0
     high: float = 1.0
     looks: float = LOOKS
@@ -539,6 +540,30 @@ class Field(SmoothCurve):
         """Sum of splines, along the direction."""
         size = self.size(values, flight.along(self.coordinate)) + 0.0 * np.asarray(flight.x)
         return _along(self.form, size, flight)
+
+
+@dataclass(frozen=True)
+class ResistanceCurve(Field):
+    """A resistance with the square of the speed whose coefficient changes along a coordinate.
+
+    The weights are forces at the reference speed on a body of the reference diameter.
+    """
+
+    statement: str = "A resistance whose coefficient changes, as a curve that no simple law gives."
+    law: str = r"F = -(d/d_0)^2 (v/v_0)^2 \sum_k F_k B_k(c)"
+    parameters: tuple[Parameter, ...] = _weights(
+        "force", "N", WIDTH, Size.BALL_WEIGHT, knots=COARSE_KNOTS
+    )
+    form: str = "along_velocity"
+    separating: str = "the same throw at another launch angle, and the body weighed after it"
+    reference_speed: float = 1.0
+    reference_diameter: float = 1.0
+
+    def force(self, values: Values, flight: FlightState) -> Vector:
+        """Sum of splines times dynamic pressure and area."""
+        size = self.size(values, flight.along(self.coordinate))
+        size = size * np.square(np.asarray(flight.diameter) / self.reference_diameter)
+        return _along(self.form, size * np.square(flight.speed / self.reference_speed), flight)
 
 
 @dataclass(frozen=True)
@@ -623,6 +648,32 @@ def _forces(forward: Forward) -> list[SmoothCurve]:
     return found
 
 
+RESISTED = (Coordinate.TIME, Coordinate.PLACE, Coordinate.HEIGHT, Coordinate.DIRECTION)
+
+"""Coordinates along which a coefficient of resistance may change."""
+
+
+def _resistances(forward: Forward) -> list[SmoothCurve]:
+    """Coefficients of resistance that change; a record of heights alone shows its height alone."""
+    seen = np.atleast_1d(forward.records.ball_used.any(axis=(0, 1)))
+    if not (seen[0] and seen[1]):
+        return []
+    slow, fast = forward.flight_span(Coordinate.SPEED)
+    found: list[SmoothCurve] = []
+    for coordinate in RESISTED:
+        low, high = forward.flight_span(coordinate)
+        found.append(
+            ResistanceCurve(
+                coordinate=coordinate, low=low, high=max(high, low + 1e-3),
+                reference_speed=max(0.5 * (slow + fast), 1e-3),
+                reference_diameter=float(np.median(forward.records.diameter)),
+                statement=f"A resistance with the square of the speed whose coefficient changes"
+                f" with {WORDS[coordinate]}.",
+            )
+        )  # fmt: skip
+    return found
+
+
 def _torques(forward: Forward) -> list[SmoothCurve]:
     found: list[SmoothCurve] = []
     for coordinate, form in (
@@ -640,7 +691,7 @@ def _torques(forward: Forward) -> list[SmoothCurve]:
 
 
 def _drifts(forward: Forward) -> list[SmoothCurve]:
-    if forward.records.trials < LEAST_TRIALS:
+    if forward.records.trials < MIN_TRIALS:
         return []
     low, high = float(forward.records.order.min()), float(forward.records.order.max())
     turned = _weights("change", "rad", ANGLE_WIDTH, knots=DRIFT_KNOTS)
@@ -654,9 +705,9 @@ def smooth_fields(forward: Forward) -> tuple[SmoothCurve, ...]:
     """Every smooth field that makes sense for a campaign."""
     if forward.mode == "swing":
         # Over many periods a curve takes up any sum of losses and what a record's own errors leave:
-        # it fitted an encoder's swings better than dry friction did, and foretold them worse.
+        # it fitted an encoder's swings better than dry friction did, and predicted them worse.
         return ()
-    forces = _forces(forward)
+    forces = [*_forces(forward), *_resistances(forward)]
     if forward.mode == "flight":
         return tuple(forces)
     swings = _torques(forward) if forward.records.pendulum_used.any() else []

@@ -11,6 +11,7 @@ import pandas as pd
 
 from metrology import Defaults, SetupError, TooLittleDataError, UsageError
 from mismatch import EngineVerdict, Explained, Options, explain_in_full
+from mismatch.fitting.stated import stated_inputs
 from mismatch.records import (
     BallModel,
     Baseline,
@@ -417,7 +418,30 @@ def baseline_for_balls(setup: Setup, named: Iterable[str], struck: bool) -> Base
         replace(Scatter(), **scatter),
         setup.noise.position,
         setup.noise.angle,
+        stated_inputs(_stated_errors(setup, balls, struck)) if balls else (),
     )
+
+
+def _stated_errors(
+    setup: Setup, balls: Mapping[str, BallModel], struck: bool
+) -> dict[str, float | None]:
+    """Relative standard uncertainties that the setup states; balls share the largest."""
+    pendulum, std = setup.pendulum, setup.pendulum_std
+    found: dict[str, float | None] = {}
+    if struck and pendulum is not None:
+        stated = {"inertia": "inertia", "pendulum_mass": "mass", "com": "com"}
+        for name, key in stated.items():
+            size = getattr(std, key)
+            found[name] = size / getattr(pendulum, key) if size else None
+    known = [setup.balls.get(name) or setup.ball for name in balls]
+    for name, key in (("ball_mass", "mass"), ("diameter", "diameter")):
+        sizes = [
+            getattr(ball, f"{key}_std") / getattr(ball, key)
+            for ball in known
+            if ball is not None and getattr(ball, key) and getattr(ball, f"{key}_std")
+        ]
+        found[name] = max(sizes, default=None)
+    return found
 
 
 def _model_effects(setup: Setup) -> Mapping[str, Mapping[str, float]]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from metrology import UsageError
-from mismatch.candidates import MOST_SHAPES, candidates_for, refuse_unusable, within_patience
+from mismatch.candidates import MAX_SHAPES, candidates_for, refuse_unusable, within_patience
 from mismatch.fitting.prepare import prepare
 from physics.effects import Effect, Extent, Parameter
 from tests.mismatch.synthetic import thrown_campaign
@@ -50,9 +50,9 @@ def test_a_declared_grid_spans_the_campaign(prepared):
 
 
 def test_too_many_shapes_are_an_error(prepared):
-    grid = tuple(np.linspace(0.0, 1.0, MOST_SHAPES + 1))
+    grid = tuple(np.linspace(0.0, 1.0, MAX_SHAPES + 1))
     many = thread(STRENGTH, Parameter("x0", "m", 0.1, -1.0, 2.0, grid=grid))
-    with pytest.raises(UsageError, match=f"{MOST_SHAPES + 1} combinations"):
+    with pytest.raises(UsageError, match=f"{MAX_SHAPES + 1} combinations"):
         candidates_for(prepared.forward, prepared.model, [many])
 
 

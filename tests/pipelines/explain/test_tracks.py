@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from metrology import UsageError
-from mismatch.verdict import DOUBTED, UNPROVED, Doubt
+from mismatch.verdict import DOUBTED, Doubt
 from pipelines.explain.campaign import explain_files
 from pipelines.explain.clips import flight_rows, is_track_table, swing_rows
 from pipelines.setup.file import read_setup
@@ -104,6 +104,7 @@ def test_an_error_that_any_unknown_calibration_may_have_is_not_surely_named() ->
 def test_an_error_beyond_any_usual_calibration_is_named_but_one_trial_proves_no_name() -> None:
     verdict = explain_files(rolled(np.radians(8.0)), None, SETUP)
     assert verdict.effects
-    assert all(effect.probability <= UNPROVED for effect in verdict.effects)
+    assert all(effect.probability <= DOUBTED for effect in verdict.effects)
     assert not any(Doubt.UNKNOWN_CALIBRATION.value in note for note in verdict.notes)
     assert Doubt.UNPROVED.value in verdict.remainder.statement
+    assert Doubt.ONE_RECORD.value in verdict.remainder.statement

@@ -1,0 +1,290 @@
+"""Estimate the probability that a name is right."""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from mismatch.candidates import Candidate
+from mismatch.fitting.fit import Fit
+from mismatch.fitting.hypotheses import Hypothesis
+from mismatch.fitting.scan import scan
+from mismatch.forward import Forward
+from mismatch.search.naming import Naming
+from mismatch.search.unnamed import smooth_fields
+from mismatch.verdict import Prediction
+from physics.domain import FloatArray
+
+__all__ = [
+    "FEATURES",
+    "Evidence",
+    "calibrated_probability",
+    "evidence_for_names",
+    "features_of",
+    "fewer_names",
+    "other_kind",
+    "sets_to_predict",
+]
+
+FEATURES = (
+    "margin",
+    "margin_over_unnamed",
+    "predicted",
+    "held_out",
+    "left",
+    "structure",
+    "fellows",
+    "doubts",
+)
+"""Columns of the calibration table, in the order of its weights."""
+
+
+ODDS = 7.0
+"""Chi-square units of odds of thirty to one, which are a margin of one where a law is exact."""
+
+FORM_ERROR = 0.015
+"""Fraction of the evidence that laws leave open because no law is known better (as in the groups of
+answers that cannot be distinguished)."""
+
+SURE_BY = 30.0
+"""Evidence, in units of the misfit, beyond which more of it adds nothing: a wrong law fitted to a
+strong effect outdoes others by thousands. Chosen; odds of e¹⁵ are certainty."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What speaks for and against one name of an answer.
+
+    Attributes
+    ----------
+    id : str
+        The name.
+    without : tuple of str
+        The best set of names, of any size, that does without it; empty for the baseline.
+    gain : float
+        Evidence of the answer over the baseline, in units of the misfit.
+    log_odds : float
+        Evidence over that set and over chance, in units of the misfit.
+    log_odds_over_unnamed : float
+        Evidence of the whole answer over the best answer of the other kind: of names over forces
+        without a name, or the reverse.
+    predicted : float
+        Fraction of the error of the last 40 % of each track that the name removes beyond that set.
+    predicted_95 : tuple of float
+        Interval over trials.
+    held_out : float
+        Chi-square, in units of the misfit, by which held-out trials fit better with the name.
+    left : float
+        Root mean square misfit beyond the noise that the answer leaves, over the baseline's.
+    structure : float
+        Evidence of a smooth force or torque added to the answer.
+    fellows : int
+        Other names in the answer.
+    doubts : int
+        Rules that take probability away: a further name that removes no error of predictions
+        (95 %), a parameter at a bound, a fit that did not converge, a better forbidden answer, a
+        strength that trials do not share or that they leave open.
+    """
+
+    id: str
+    without: tuple[str, ...]
+    gain: float
+    log_odds: float
+    log_odds_over_unnamed: float
+    predicted: float
+    predicted_95: tuple[float, float]
+    held_out: float
+    left: float
+    structure: float
+    fellows: int
+    doubts: int
+
+
+def features_of(evidence: Evidence) -> FloatArray:
+    """The columns `FEATURES` of one name, compressed where evidence has long tails.
+
+    An answer that its other kind outdoes by less than forms are imperfect is not refuted; one that
+    is ahead of it needs no such allowance, since the rarity of what has no name is in the evidence.
+    """
+    return np.array(
+        [
+            _margin(evidence.log_odds, evidence.gain),
+            _margin(
+                evidence.log_odds_over_unnamed,
+                evidence.gain if evidence.log_odds_over_unnamed < 0.0 else 0.0,
+            ),
+            float(np.clip(evidence.predicted, -0.5, 1.0)),
+            _compressed(evidence.held_out),
+            evidence.left,
+            math.log1p(max(evidence.structure, 0.0)),
+            float(evidence.fellows),
+            float(evidence.doubts),
+        ]
+    )
+
+
+def _margin(difference: float, gain: float) -> float:
+    """Evidence of one answer over another in units of what an imperfect form is worth."""
+    return _compressed(difference / (ODDS + FORM_ERROR * max(gain, 0.0)))
+
+
+def _compressed(size: float) -> float:
+    """Logarithm of a size with its sign, constant beyond `SURE_BY`."""
+    return math.copysign(math.log1p(min(abs(size), SURE_BY)), size)
+
+
+@cache
+def _calibration() -> Mapping[str, Any]:
+    text = resources.files("mismatch").joinpath("acceptance.json").read_text(encoding="utf-8")
+    return dict(json.loads(text))
+
+
+def calibrated_probability(evidence: Evidence) -> float:
+    """Probability that a name is right, by the fitted logistic model."""
+    fitted = _calibration()
+    weights = np.array([fitted["weights"][name]["value"] for name in FEATURES])
+    score = fitted["intercept"]["value"] + float(weights @ features_of(evidence))
+    return 1.0 / (1.0 + math.exp(-max(min(score, 30.0), -30.0)))
+
+
+def evidence_for_names(
+    forward: Forward,
+    base: Fit,
+    naming: Naming,
+    predictions: Mapping[int, Prediction],
+    doubts: int,
+) -> tuple[Evidence, ...]:
+    """Evidence for each name of an answer.
+
+    Parameters
+    ----------
+    predictions : mapping
+        id of a fit → its prediction, for the answer and for the sets of `rivals_without`.
+    doubts : int
+        Doubts about the answer as a whole.
+    """
+    best = naming.best
+    if best is None:
+        return ()
+    structure = smooth_structure(forward, best)
+    mine = _height(naming, best)
+    other = other_kind(naming, best)
+    over = mine - (0.0 if other is None else _height(naming, other))
+    # Chi-square itself scatters by sqrt(2 n): what is within three of these is no misfit.
+    noise = 1.0 + 3.0 * math.sqrt(2.0 / best.fit.expected)
+    left = math.sqrt(
+        max(best.fit.chi2 / best.fit.expected - noise, 0.0)
+        / max(base.chi2 / base.expected - 1.0, 1e-9)
+    )
+    found = []
+    for member in best.members:
+        without = _best_without(naming, member.id)
+        rival = 0.0 if without is None else _height(naming, without)
+        chance = naming.threshold - 6.0
+        odds = mine - max(rival, chance)
+        known = base if without is None else without.fit
+        predicted, interval = _removed(predictions, known, best.fit)
+        found.append(
+            Evidence(
+                member.id,
+                () if without is None else without.ids,
+                mine / best.reduced_chi2,
+                odds / best.reduced_chi2,
+                over / best.reduced_chi2,
+                predicted,
+                interval,
+                _held_gain(predictions, known, best),
+                min(left, 1.0),
+                structure,
+                len(best.members) - 1,
+                doubts + (len(best.members) > 1 and interval[0] <= 0.0),
+            )
+        )
+    return tuple(found)
+
+
+def _best_without(naming: Naming, identity: str) -> Hypothesis | None:
+    """The best allowed set of names, of any size, that does without one of them.
+
+    Forces without a name are compared with the whole answer: one of them may contain a named law.
+    """
+    others = [h for h in naming.tried if h.allowed and identity not in h.ids and not h.has_unnamed]
+    best = max(others, key=lambda h: h.penalised_gain, default=None)
+    return best if best is not None and best.penalised_gain > 0.0 else None
+
+
+def sets_to_predict(naming: Naming) -> tuple[Hypothesis, ...]:
+    """The answer and the best sets without each of its names."""
+    best = naming.best
+    if best is None:
+        return ()
+    found = [best]
+    for identity in dict.fromkeys(best.ids):
+        without = _best_without(naming, identity)
+        if without is not None and all(without is not one for one in found):
+            found.append(without)
+    return tuple(found)
+
+
+def other_kind(naming: Naming, best: Hypothesis) -> Hypothesis | None:
+    """The best allowed answer without a name where `best` has one, or the reverse."""
+    others = [h for h in naming.tried if h.allowed and h.has_unnamed != best.has_unnamed]
+    return max(others, key=lambda h: h.penalised_gain, default=None)
+
+
+def fewer_names(naming: Naming, best: Hypothesis) -> Hypothesis | None:
+    """The best allowed set of fewer names than an answer."""
+    others = [
+        h
+        for h in naming.tried
+        if h.allowed and not h.has_unnamed and len(h.members) < len(best.members)
+    ]
+    return max(others, key=lambda h: h.penalised_gain, default=None)
+
+
+def _height(naming: Naming, h: Hypothesis) -> float:
+    """Evidence of a set over the baseline, averaged over the forms of its laws."""
+    family = naming.families.get(tuple(sorted(h.ids)))
+    return h.penalised_gain if family is None else family.penalised_gain
+
+
+def _removed(
+    predictions: Mapping[int, Prediction], before: Fit, after: Fit
+) -> tuple[float, tuple[float, float]]:
+    one, other = predictions.get(id(before)), predictions.get(id(after))
+    if one is None or other is None or not one.late.size or one.late.sum() <= 0.0:
+        return 0.0, (-1.0, 1.0)
+    fraction = 1.0 - math.sqrt(float(other.late.sum() / one.late.sum()))
+    if one.late.size < 2:
+        return fraction, (-1.0, 1.0)
+    picks = np.random.default_rng(11).integers(0, one.late.size, (400, one.late.size))
+    ratio = other.late[picks].sum(axis=1) / np.maximum(one.late[picks].sum(axis=1), 1e-300)
+    low, high = np.quantile(1.0 - np.sqrt(ratio), [0.025, 0.975])
+    return fraction, (float(low), float(high))
+
+
+def _held_gain(predictions: Mapping[int, Prediction], before: Fit, best: Hypothesis) -> float:
+    one, other = predictions.get(id(before)), predictions.get(id(best.fit))
+    if one is None or other is None or one.cost is None or other.cost is None:
+        return 0.0
+    return (one.cost - other.cost) / best.reduced_chi2
+
+
+def smooth_structure(forward: Forward, best: Hypothesis) -> float:
+    """Evidence, in units of the misfit, of the best smooth component added to an answer.
+
+    Scored to first order around the fit; its size is the one of highest evidence.
+    """
+    held = {member.key for member in best.members}
+    pool = [Candidate(effect, (), 1) for effect in smooth_fields(forward)]
+    pool = [one for one in pool if one.key not in held]
+    if not pool:
+        return 0.0
+    scored = scan(forward, best.fit, pool).with_likely_widths()
+    gains = [scored.gain(k)[0] - one.complexity_penalty for k, one in enumerate(scored.candidates)]
+    return max(gains) / best.reduced_chi2

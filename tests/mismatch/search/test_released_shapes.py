@@ -1,0 +1,70 @@
+"""A fit finds for a law with a place what it finds when it starts from there."""
+
+import numpy as np
+import pytest
+
+from mismatch.candidates import candidates_for
+from mismatch.fitting.fit import Ending
+from mismatch.fitting.hypotheses import SLACK, as_fitted, fit_hypothesis
+from mismatch.fitting.prepare import prepare
+from mismatch.fitting.scan import scan
+from mismatch.records import BallModel, Baseline, CampaignRecords, Trial
+from mismatch.search.naming import _best_by_law, _by_law
+from mismatch.search.unnamed import Magnet, ResistanceCurve, SmoothCurve
+from physics.effects import CATALOGUE, EffectId
+
+GRAVITY = 9.806
+
+
+@pytest.fixture(scope="module")
+def tethered():
+    """Throws of a body on a soft thread that is taut beyond 0.9 m from where it is tied."""
+    rng = np.random.default_rng(6)
+    step, trials = 5e-4, []
+    for number in range(6):
+        place, velocity = np.array([0.0, 1.0]), np.array([2.2 + 0.2 * number, 1.5])
+        path = []
+        for _ in range(1200):
+            path.append(place)
+            apart = place - np.array([0.2, 1.0])
+            length = float(np.hypot(*apart))
+            pull = -12.0 * max(length - 0.6, 0.0) * apart / max(length, 1e-9)
+            velocity = velocity + step * (pull - np.array([0.0, GRAVITY]))
+            place = place + step * velocity
+        seen = np.array(path)[::16] + 5e-4 * rng.standard_normal((75, 2))
+        flat = np.column_stack([seen, np.full(75, np.nan)])
+        trials.append(Trial(str(number), 16 * step * np.arange(75), flat, np.zeros(0), np.zeros(0)))
+    return prepare(CampaignRecords(tuple(trials)), Baseline({"": BallModel("", 0.06, 0.065)}))
+
+
+def test_a_place_far_from_every_start_is_found_at_once(tethered):
+    """A taut thread was left 55 units short of its own best fit, and lost to a false pair."""
+    forward, base = tethered.forward, tethered.fit
+    pool = [c for c in candidates_for(forward, base.model, []) if isinstance(c.effect, Magnet)]
+    ranked = _best_by_law(scan(forward, base, pool), 1.0)
+    _, index, values = ranked[0]
+    found = fit_hypothesis(forward, base, [pool[index]], [values])
+    again = fit_hypothesis(forward, base, *as_fitted(found.members, found.fit), start=found.fit)
+    assert found.fit.ending is Ending.CONVERGED
+    assert found.fit.objective - again.fit.objective < 3.0 * SLACK
+
+
+def test_curves_do_not_crowd_out_laws_without_a_name(tethered):
+    forward, base = tethered.forward, tethered.fit
+    effects = [effect for forms in CATALOGUE.values() for effect in forms]
+    scored = scan(forward, base, candidates_for(forward, base.model, effects)).with_likely_widths()
+    first, _ = _by_law(_best_by_law(scored, 1.0), scored.candidates)
+    found = [scored.candidates[index].effect for _, index, _ in first]
+    nameless = [effect for effect in found if effect.id == EffectId.UNNAMED]
+    assert sum(isinstance(effect, SmoothCurve) for effect in nameless) >= 3
+    assert sum(not isinstance(effect, SmoothCurve) for effect in nameless) >= 3
+
+
+def test_a_coefficient_of_resistance_may_change_with_time(tethered):
+    curves = [
+        c.effect
+        for c in candidates_for(tethered.forward, tethered.fit.model, [])
+        if isinstance(c.effect, ResistanceCurve)
+    ]
+    assert len(curves) == 4
+    assert len({curve.coordinate for curve in curves}) == 4

@@ -1,0 +1,164 @@
+"""The probability of a name follows evidence, prediction and misfit."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mismatch import explain
+from mismatch.acceptance import (
+    Evidence,
+    calibrated_probability,
+    evidence_for_names,
+    fewer_names,
+    other_kind,
+)
+from mismatch.candidates import Candidate
+from mismatch.fitting.fit import Fit, free_parameters
+from mismatch.fitting.hypotheses import EXACT, FormEvidence, Hypothesis
+from mismatch.fitting.prepare import prepare
+from mismatch.fitting.stated import stated_inputs
+from mismatch.forward import Model
+from mismatch.records import BallModel, Baseline, CampaignRecords, Trial
+from mismatch.search.naming import Naming
+from mismatch.verdict import DOUBTED, Doubt, Passed, Prediction, _at_bound
+from physics.effects import CATALOGUE
+from tests.mismatch.synthetic import struck_campaign, thrown_campaign
+
+SURE = Evidence("drag", (), 400.0, 60.0, 60.0, 0.7, (0.6, 0.8), 80.0, 0.0, -5.0, 0, 0)
+
+
+def _fit(law, values, chi2=100.0):
+    model = Model(tuple((effect, one) for effect, one in zip(law, values, strict=True)))
+    return Fit(
+        model, np.zeros((4, 6)), np.zeros((0, 0)), chi2, 0.0, 100, 100.0, free_parameters(model),
+        np.eye(sum(len(e.parameters) for e in law)), np.zeros((4, 25)),
+    )  # fmt: skip
+
+
+def _answer(ids, gain, chi2=100.0, form=EXACT):
+    law = [CATALOGUE[one][0] for one in ids]
+    fit = _fit(law, [effect.neutral for effect in law], chi2)
+    return Hypothesis(tuple(Candidate(effect, (), 1) for effect in law), fit, gain, form)
+
+
+@pytest.mark.parametrize(
+    ("feature", "worse"),
+    [
+        ("log_odds", -3.0),
+        ("log_odds_over_unnamed", -3.0),
+        ("predicted", -0.3),
+        ("held_out", -9.0), ("left", 0.9), ("structure", 80.0), ("fellows", 2), ("doubts", 2),
+    ],
+)  # fmt: skip
+def test_no_evidence_against_a_name_makes_it_more_probable(feature, worse):
+    assert calibrated_probability(replace(SURE, **{feature: worse})) <= calibrated_probability(SURE)
+
+
+def test_a_strong_name_is_sure_and_one_that_others_outdo_is_not():
+    assert calibrated_probability(SURE) > 0.9
+    outdone = replace(SURE, log_odds=-40.0, log_odds_over_unnamed=-40.0, predicted=0.0)
+    outdone = replace(outdone, held_out=-10.0)
+    assert calibrated_probability(outdone) < 0.5
+
+
+def test_a_parameter_at_its_bound_is_seen():
+    """A sticky patch was reported as bearing friction, 0.96, both shapes at their upper bounds."""
+    law = CATALOGUE["magnus"][0]
+    inside, strength = _answer(("magnus",), 50.0), law.strengths[0]
+    at = {p.name: p.upper if p is strength else p.neutral for p in law.parameters}
+    edge = replace(inside, fit=_fit([law], [at]))
+    assert not _at_bound(inside, inside.members[0])
+    assert _at_bound(edge, edge.members[0])
+
+
+def test_doubts_that_forbid_a_name_cap_it_and_others_are_weighed():
+    assert Passed("explained", (Doubt.ONE_RECORD,)).most == DOUBTED
+    assert Passed("explained", (Doubt.AT_BOUND,)).most > 0.9
+    assert Passed("explained", (Doubt.UNPROVED,)).against == ()
+    assert Passed("explained", (Doubt.AT_BOUND, Doubt.UNPROVED)).against == (Doubt.AT_BOUND,)
+
+
+def test_the_misfit_of_an_answer_is_the_one_that_is_reported():
+    """The report said 13, the gate 1.1: it took off what errors of form absorb."""
+    loose = _answer(("magnus",), 50.0, chi2=190.0, form=FormEvidence(30.0, 90.0, 1.0))
+    assert loose.reduced_chi2 == pytest.approx(loose.fit.chi2 / loose.fit.expected)
+
+
+def test_a_name_is_held_against_sets_of_every_size(monkeypatch):
+    """Names were compared with sets of as many names alone."""
+    monkeypatch.setattr("mismatch.acceptance.smooth_structure", lambda forward, best: 0.0)
+    single = _answer(("magnus",), 50.0)
+    pair = _answer(("wind", "drag"), 80.0)
+    naming = Naming(single, (pair, single), 12.0, SimpleNamespace(candidates=()))
+    late = np.ones(4)
+    predictions = {id(h.fit): Prediction(late, late, 10.0, late, late) for h in (single, pair)}
+    (found,) = evidence_for_names(None, _fit([], []), naming, predictions, 0)
+    assert set(found.without) == {"wind", "drag"}
+    assert found.log_odds < 0.0
+    # A set that adds a name to it is no rival of it.
+    more = _answer(("magnus", "wind"), 70.0)
+    naming = Naming(single, (more, single), 12.0, SimpleNamespace(candidates=()))
+    (found,) = evidence_for_names(None, _fit([], []), naming, predictions, 0)
+    assert found.without == ()
+
+
+def _falling(mass):
+    rng = np.random.default_rng(4)
+    trials = []
+    for number in range(3):
+        time = np.arange(0.0, 1.2, 0.02)
+        height = 2.0 - 1.3 * time - 0.05 * np.exp(-time / 0.1)
+        place = np.column_stack([np.full_like(time, np.nan), height, np.full_like(time, np.nan)])
+        place[:, 1] += 1e-3 * rng.standard_normal(time.size)
+        trials.append(Trial(str(number), time, place, np.zeros(0), np.zeros(0)))
+    return CampaignRecords(tuple(trials)), Baseline({"": BallModel("", mass, 0.15)})
+
+
+def test_a_body_lighter_than_the_air_it_displaces_is_told_and_no_buoyancy_is_named():
+    """A coffee filter, a ball that displaces 2.3 times its mass of air, was `buoyancy` 0.90."""
+    verdict = explain(*_falling(0.0009))
+    assert any("displaces 2.3 times its own mass" in note for note in verdict.notes)
+    assert "buoyancy" not in [effect.id for effect in verdict.effects]
+    assert not any("displaces" in note for note in explain(*_falling(0.05)).notes)
+
+
+def test_one_throw_alone_gets_no_name_above_one_half():
+    campaign, baseline = thrown_campaign(scale=1.08)
+    verdict = explain(replace(campaign, trials=campaign.trials[:1]), baseline)
+    assert all(effect.probability <= DOUBTED for effect in verdict.effects)
+
+
+def test_a_name_that_is_right_and_strong_is_sure():
+    campaign, baseline = struck_campaign(
+        (CATALOGUE["magnus"][0], {"spin": 20.0}), trials=4, noise=5e-4
+    )
+    verdict = explain(campaign, baseline)
+    assert [effect.id for effect in verdict.effects] == ["magnus"]
+    assert verdict.effects[0].probability > 0.9
+
+
+def test_what_the_setup_states_as_uncertain_is_open_in_every_fit():
+    """± 5 % instead of ± 0.1 % on mass and inertia left every printed value identical."""
+    campaign, baseline = struck_campaign(
+        (stated_inputs({"inertia": 0.02})[0], {"inertia": 0.02}), noise=5e-4
+    )
+    errors = {"inertia": 0.01, "ball_mass": 0.001}
+    stated = replace(baseline, instruments=stated_inputs(errors))
+    held, told = prepare(campaign, baseline), prepare(campaign, stated)
+    assert held.fit.chi2 > told.fit.chi2 + 20.0
+    sizes = [told.fit.value(k)[0] for k in range(len(told.fit.free))]
+    names = [item.parameter.name for item in told.fit.free]
+    assert sizes[names.index("inertia")] == pytest.approx(0.02, abs=0.006)
+    assert abs(sizes[names.index("ball_mass")]) < 0.003
+    assert stated_inputs({"inertia": None}) == ()
+
+
+def test_an_unlikely_pair_is_tested_against_one_law_and_a_force_without_a_name():
+    """A drifting clock was reported as wind and parallax; the set of one name was never asked."""
+    pair, clock = _answer(("wind", "parallax"), 90.0), _answer(("time_base",), 60.0)
+    naming = Naming(pair, (pair, clock), 12.0, SimpleNamespace(candidates=()))
+    assert fewer_names(naming, pair) is clock
+    assert fewer_names(naming, clock) is None
+    assert other_kind(naming, pair) is None
