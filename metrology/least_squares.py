@@ -204,7 +204,6 @@ def minimise(
     low: ArrayLike = -np.inf,
     high: ArrayLike = np.inf,
     tolerance: float = 1e-8,
-    gradient_tolerance: float = 1e-8,
     most_evaluations: int | None = None,
 ) -> Optimum:
     """Minimise residuals within bounds, by scipy's trust regions.
@@ -228,8 +227,6 @@ def minimise(
         Bounds.
     tolerance : float
         Relative change of cost or parameters at convergence.
-    gradient_tolerance : float
-        Gradient of the cost at convergence.
     most_evaluations : int, optional
         Of the residuals, the Jacobian's not counted.
 
@@ -255,7 +252,6 @@ def minimise(
             f_scale=soft_from if np.isfinite(soft_from) else 1.0,
             ftol=tolerance,
             xtol=tolerance,
-            gtol=gradient_tolerance,
             max_nfev=most_evaluations,
         )
     except ValueError as problem:
