@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from pipelines.api.quantities import QuantityView as QuantityView
     from pipelines.campaign.conduct import Campaign as Campaign
     from pipelines.campaign.conduct import campaign as campaign
+    from pipelines.law import law as law
     from pipelines.setup.file import Setup as Setup
 
 __all__ = [
@@ -44,6 +45,7 @@ __all__ = [
     "cor",
     "effects",
     "explain",
+    "law",
     "measure",
     "plan",
     "render",
@@ -63,6 +65,7 @@ _HOMES = {
     "campaign": "pipelines.campaign.conduct",
     "cor": "pipelines.api.modelled",
     "explain": "pipelines.api.explained",
+    "law": "pipelines.law",
     "measure": "pipelines.api.measured",
     "plan": "pipelines.api.modelled",
     "render": "pipelines.api.measured",

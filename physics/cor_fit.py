@@ -168,9 +168,9 @@ class CorPoints:
 
     @property
     def repeats(self) -> float:
-        """Typical number of strikes per level (harmonic mean); 1 without levels."""
+        """Typical number of strikes per level (harmonic mean); infinite without levels."""
         if self.level is None:
-            return 1.0
+            return math.inf
         return float(1.0 / np.mean(1.0 / np.unique(self.level, return_counts=True)[1]))
 
 

@@ -78,6 +78,11 @@ _COMMANDS = {
         "paper_command",
         "Recompute every table of the paper, compare with the print, and redraw its figures.",
     ),
+    "law": _Command(
+        "pipelines.law",
+        "law_command",
+        "Fit a law of restitution to a table of strikes, heights or bounce times.",
+    ),
     "explain": _Command(
         "pipelines.explain.command",
         "explain_command",

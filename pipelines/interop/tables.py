@@ -42,7 +42,10 @@ __all__ = [
     "keep_columns",
     "made_elsewhere",
     "parse_columns",
+    "plain_name",
+    "read_table",
     "read_table_of_tracks",
+    "unit_of",
 ]
 
 KEYS = {
@@ -147,7 +150,7 @@ def column_use(header: Sequence[str], said: Mapping[str, str], table: str) -> Co
                 )
             columns[key] = said[key]
             continue
-        alike = [name for name in header if _plain(name) in _COLUMN_NAMES[key]]
+        alike = [name for name in header if plain_name(name) in _COLUMN_NAMES[key]]
         if len(alike) == 1:
             columns[key] = alike[0]
     missing = [key for key in ("x", "y") if key not in columns]
@@ -160,8 +163,8 @@ def column_use(header: Sequence[str], said: Mapping[str, str], table: str) -> Co
             hint=f'Pass --columns "{example}", or set them in the table [columns] of the setup'
             " file.",
         )
-    unit = said.get("unit") or _unit_of(columns["x"]) or "px"
-    t_unit = said.get("t_unit") or _unit_of(columns.get("t", "t")) or "s"
+    unit = said.get("unit") or unit_of(columns["x"]) or "px"
+    t_unit = said.get("t_unit") or unit_of(columns.get("t", "t")) or "s"
     metre = None if unit.lower() in ("px", "pixel", "pixels") else parse_quantity(f"1 {unit}", "m")
     return ColumnUse(columns, metre, parse_quantity(f"1 {t_unit}", "s"))
 
@@ -203,16 +206,17 @@ def keep_columns(setup: Path, columns: Mapping[str, str]) -> None:
 def _unanswered(key: str, header: Sequence[str], answers: Mapping[str, str]) -> bool:
     if key in answers or (key == "t" and "frame" in answers):
         return False
-    return sum(_plain(name) in _COLUMN_NAMES[key] for name in header) != 1
+    return sum(plain_name(name) in _COLUMN_NAMES[key] for name in header) != 1
 
 
-def _plain(name: str) -> str:
+def plain_name(name: str) -> str:
     """A column's name without its unit, in lower case."""
     bare = re.sub(r"[\(\[].*?[\)\]]", "", name).strip().lower()
     return re.sub(r"[ \-.]+", "_", bare)
 
 
-def _unit_of(name: str) -> str | None:
+def unit_of(name: str) -> str | None:
+    """Unit in a column's name: ``Height (cm)``, ``h_cm``."""
     found = _UNIT.search(name.strip())
     return None if found is None else (found[1] or found[2])
 
@@ -281,6 +285,23 @@ def read_table_of_tracks(path: Path, said: Mapping[str, str]) -> ExternalTracks:
         if recognises(lines):
             return read(lines, path, said)
     return _spreadsheet(_frame_of(lines, path), path, said)
+
+
+def read_table(path: Path, what: str) -> pd.DataFrame:
+    """Read any table with a header line: text with any separator and decimals, or XLSX.
+
+    Raises
+    ------
+    UsageError
+        If it can't be read, is empty, or a quote swallows lines.
+    """
+    if path.suffix.lower() == ".xlsx":
+        return _sheet(path)
+    text = _decoded(read_bytes(path, what))
+    lines = [line for line in text.splitlines() if line.strip()]
+    if not lines:
+        raise UsageError(f"{path} is empty", hint="Write a header line and one row per trial.")
+    return _frame_of(lines, path)
 
 
 def header_of(path: Path) -> list[str]:
@@ -419,10 +440,24 @@ def _frame_of(lines: Sequence[str], path: Path) -> pd.DataFrame:
         ) from problem
     except (ValueError, pd.errors.ParserError) as problem:
         raise UsageError(
-            f"{path} is not a table: {problem}", hint="Write a header line and one row per mark."
+            f"{path} is not a table: {problem}{_quote_text(lines, at)}",
+            hint="Write a header line and one row per mark.",
         ) from problem
+    if len(table) != len(lines) - at - 1:
+        raise UsageError(
+            f"{path}: {len(lines) - at - 1} lines follow the header, but they hold {len(table)}"
+            f" rows{_quote_text(lines, at)}",
+            hint="Remove the stray quotation mark: it joins lines into one cell.",
+        )
     table.columns = [str(name).strip() for name in table.columns]
     return _with_point_decimals(table)
+
+
+def _quote_text(lines: Sequence[str], at: int) -> str:
+    """Row in which a quotation mark is not closed, for a message."""
+    odd = (k for k, line in enumerate(lines[at + 1 :], start=1) if line.count('"') % 2)
+    first = next(odd, None)
+    return "" if first is None else f"; the quotation mark in row {first} is not closed"
 
 
 def _sheet(path: Path) -> pd.DataFrame:

@@ -6,10 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from metrology import Contribution, Quantity, write_text_whole
 from metrology.quantity import format_pair, format_unit
 from pipelines.report.inputs import ReportInput, quantity_label, quantity_text
+
+if TYPE_CHECKING:
+    from pipelines.report.plots import Panel
 
 __all__ = [
     "report_html",
@@ -88,23 +92,25 @@ class _Row:
     budget: tuple[_BudgetLine, ...]
 
 
-def write_report(path: Path, report: ReportInput) -> None:
-    """Write the page, completely or not at all.
+def write_report(path: Path, report: ReportInput, panels: "Sequence[Panel]" = ()) -> None:
+    """Write the page, completely or not at all; `panels` are drawn before its own plots.
 
     Raises
     ------
     UsageError
         If its folder does not exist or can't be written to.
     """
-    write_text_whole(path, report_html(report))
+    write_text_whole(path, report_html(report, panels))
 
 
-def report_html(report: ReportInput) -> str:
+def report_html(report: ReportInput, panels: "Sequence[Panel]" = ()) -> str:
     """Return the page as HTML; every text in it is escaped.
 
     Parameters
     ----------
     report : ReportInput
+    panels : sequence of Panel
+        Further plots, before those of the report.
 
     Returns
     -------
@@ -121,7 +127,7 @@ def report_html(report: ReportInput) -> str:
     source = files("pipelines.report").joinpath("page.html.j2").read_text(encoding="utf-8")
     plots = [
         (panel[0], _data_uri("image/svg+xml", panel_svg(panel).encode()))
-        for panel in panels_of(report)
+        for panel in (*panels, *panels_of(report))
     ]
     still = None if report.still_png is None else _data_uri("image/png", report.still_png)
     rows = [_row(quantity) for quantity in report.quantities]
