@@ -1,4 +1,4 @@
-"""Impact speeds from drop heights, rebound heights and times between bounces, with drag.
+"""Impact speeds from drop heights, rebound heights and bounce times, with drag.
 
 A ball that falls from rest obeys dv/dt = g − k v², one that rises dv/dt = −g − k v², with
 k = ρ C_D(Re) A / (2 m). Both are integrated from the apex, where the speed is zero, by the

@@ -1,4 +1,4 @@
-"""`vision law`: a law of restitution from a table of strikes, heights or bounce times."""
+"""`vision law`: fit a law of restitution to strikes, heights or bounce times."""
 
 import itertools
 import json
