@@ -1,6 +1,6 @@
 """Find where simulation and recording differ, and what is missing."""
 
-from mismatch.explain import Explained, Options, explain, explain_in_full
+from mismatch.explain import ExplainedCampaign, Options, explain, explain_in_full
 from mismatch.records import (
     BallModel,
     Baseline,
@@ -17,7 +17,7 @@ __all__ = [
     "CampaignRecords",
     "ContactTable",
     "EngineVerdict",
-    "Explained",
+    "ExplainedCampaign",
     "Options",
     "Scatter",
     "Trial",

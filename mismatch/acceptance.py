@@ -22,7 +22,7 @@ from physics.domain import FloatArray
 
 __all__ = [
     "FEATURES",
-    "Evidence",
+    "NameEvidence",
     "calibrated_probability",
     "evidence_for_names",
     "features_of",
@@ -57,7 +57,7 @@ strong effect outdoes others by thousands. Chosen; odds of e¹⁵ are certainty.
 
 
 @dataclass(frozen=True)
-class Evidence:
+class NameEvidence:
     """What speaks for and against one name of an answer.
 
     Attributes
@@ -105,7 +105,7 @@ class Evidence:
     doubts: int
 
 
-def features_of(evidence: Evidence) -> FloatArray:
+def features_of(evidence: NameEvidence) -> FloatArray:
     """The columns `FEATURES` of one name, compressed where evidence has long tails.
 
     An answer that its other kind outdoes by less than forms are imperfect is not refuted; one that
@@ -144,7 +144,7 @@ def _calibration() -> Mapping[str, Any]:
     return dict(json.loads(text))
 
 
-def calibrated_probability(evidence: Evidence) -> float:
+def calibrated_probability(evidence: NameEvidence) -> float:
     """Probability that a name is right, by the fitted logistic model."""
     fitted = _calibration()
     weights = np.array([fitted["weights"][name]["value"] for name in FEATURES])
@@ -158,7 +158,7 @@ def evidence_for_names(
     naming: Naming,
     predictions: Mapping[int, Prediction],
     doubts: int,
-) -> tuple[Evidence, ...]:
+) -> tuple[NameEvidence, ...]:
     """Evidence for each name of an answer.
 
     Parameters
@@ -190,7 +190,7 @@ def evidence_for_names(
         known = base if without is None else without.fit
         predicted, interval = _removed(predictions, known, best.fit)
         found.append(
-            Evidence(
+            NameEvidence(
                 member.id,
                 () if without is None else without.ids,
                 mine / best.reduced_chi2,

@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from metrology import UsageError
-from mismatch.forward import Forward, Model
+from mismatch.forward import Forward, ForwardModel
 from mismatch.search.unnamed import Bump, Magnet, smooth_fields, unnamed_laws
 from physics.effects import (
     CATALOGUE,
@@ -115,7 +115,7 @@ class Candidate:
         return UNCATALOGUED if self.id == EffectId.UNNAMED else 0.0
 
 
-def start_values(candidate: Candidate, model: Model) -> dict[str, float]:
+def start_values(candidate: Candidate, model: ForwardModel) -> dict[str, float]:
     """Parameter values that leave the model as it is: what it holds already, else neutral."""
     held = {
         name: v
@@ -176,7 +176,7 @@ def _factor(size: Size, forward: Forward) -> float:
     return body.mass * baseline.gravity * body.com / PAPER_TORQUE
 
 
-def _admissible(effect: Effect, forward: Forward, model: Model) -> bool:
+def _admissible(effect: Effect, forward: Forward, model: ForwardModel) -> bool:
     hooks = effect.hooks
     if any(need not in model.ids for need in effect.requires):
         return False
@@ -205,7 +205,7 @@ def _admissible(effect: Effect, forward: Forward, model: Model) -> bool:
 
 
 def candidates_for(
-    forward: Forward, model: Model, effects: Iterable[Effect], *, unnamed: bool = True
+    forward: Forward, model: ForwardModel, effects: Iterable[Effect], *, unnamed: bool = True
 ) -> tuple[Candidate, ...]:
     """Every admissible effect at every start value of its shape, the model's own included."""
     # One throw repeats nothing: any smooth remainder would pass for a law of its own.

@@ -9,7 +9,7 @@ import numpy as np
 
 from metrology import Defaults, TooLittleDataError, UsageError
 from mismatch.acceptance import (
-    Evidence,
+    NameEvidence,
     calibrated_probability,
     evidence_for_names,
     fewer_names,
@@ -58,7 +58,7 @@ from mismatch.verdict import (
 from physics.domain import FloatArray
 from physics.effects import CATALOGUE, MEASUREMENT_IDS, Effect, EffectId, Level, Parameter
 
-__all__ = ["Explained", "Options", "explain", "explain_in_full"]
+__all__ = ["ExplainedCampaign", "Options", "explain", "explain_in_full"]
 
 HINT = 3.0
 """Misfit of a strike from which the setup is to be checked first; a warning, no probability."""
@@ -95,7 +95,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Explained:
+class ExplainedCampaign:
     """A verdict with what it rests on, for plots and reports.
 
     `evidence` is that of each name of the answer; `considered` has the names of a less probable
@@ -106,8 +106,8 @@ class Explained:
     prepared: Prepared
     naming: Naming
     trials: tuple[str, ...] = ()
-    evidence: tuple[Evidence, ...] = ()
-    considered: tuple[Evidence, ...] = ()
+    evidence: tuple[NameEvidence, ...] = ()
+    considered: tuple[NameEvidence, ...] = ()
 
 
 def explain(
@@ -138,7 +138,7 @@ def explain(
 
 def explain_in_full(
     campaign: CampaignRecords, setup_model: Baseline, *, options: Options | None = None
-) -> Explained:
+) -> ExplainedCampaign:
     """As `explain`, with the fits behind the verdict."""
     chosen = options or Options()
     _require_trials(campaign, chosen.hold_out)
@@ -161,7 +161,7 @@ def explain_in_full(
     verdict = _verdict(campaign, prepared, tested)
     verdict = replace(verdict, notes=(*verdict.notes, *_open_notes(prepared, naming.best)))
     names = tuple(trial.name for trial in campaign.trials)
-    return Explained(verdict, prepared, naming, names, tested.evidence, considered)
+    return ExplainedCampaign(verdict, prepared, naming, names, tested.evidence, considered)
 
 
 INSTRUMENTS = frozenset({EffectId.LENGTH_SCALE, EffectId.TIME_BASE, EffectId.CAMERA_ROLL})
@@ -397,7 +397,7 @@ class _Tested:
     groups: tuple[tuple[str, ...], ...]
     kept: HeldOut | None
     passed: Passed
-    evidence: tuple[Evidence, ...] = ()
+    evidence: tuple[NameEvidence, ...] = ()
     probabilities: tuple[float, ...] = ()
 
     @property

@@ -34,8 +34,8 @@ __all__ = [
     "OUTSIDE",
     "BatchTerm",
     "Forward",
+    "ForwardModel",
     "Mode",
-    "Model",
     "OwnStrength",
     "batch_terms",
 ]
@@ -67,7 +67,7 @@ class OwnStrength:
 
 
 @dataclass(frozen=True)
-class Model:
+class ForwardModel:
     """Effects and the values of their parameters; gravity, swing and contact are always there.
 
     Attributes
@@ -94,7 +94,7 @@ class Model:
                 return float(values[name])
         return default
 
-    def having(self, effect: Effect, values: Mapping[str, float]) -> "Model":
+    def having(self, effect: Effect, values: Mapping[str, float]) -> "ForwardModel":
         """Model with the effect in it; one with the same id is replaced, unless it is unnamed."""
         kept = tuple(
             entry
@@ -116,7 +116,7 @@ class Model:
                 return False
         return True
 
-    def order(self) -> "Model":
+    def order(self) -> "ForwardModel":
         """The same model with drag and spin first, since others build on them."""
         first = [e for e in self.entries if e[0].id in BUILT_ON]
         rest = [e for e in self.entries if e[0].id not in BUILT_ON]
@@ -142,7 +142,9 @@ class BatchTerm:
     values: Mapping[str, FloatArray]
 
 
-def batch_terms(models: Sequence[Model], own: FloatArray | None = None) -> tuple[BatchTerm, ...]:
+def batch_terms(
+    models: Sequence[ForwardModel], own: FloatArray | None = None
+) -> tuple[BatchTerm, ...]:
     """Terms for one model per row, runs of rows with the same effect gathered.
 
     `own` (rows, T, n) is what each model's own strengths are off the campaign's in each trial.
@@ -177,7 +179,7 @@ def batch_terms(models: Sequence[Model], own: FloatArray | None = None) -> tuple
 
 
 def _column(
-    models: Sequence[Model],
+    models: Sequence[ForwardModel],
     effect: Effect,
     name: str,
     run: Sequence[tuple[int, Mapping[str, float]]],
@@ -258,7 +260,7 @@ class Forward:
     thrown_share: int = 1
     uneven: float = 0.0
 
-    def predict(self, models: Sequence[Model], nuisance: FloatArray) -> FloatArray:
+    def predict(self, models: Sequence[ForwardModel], nuisance: FloatArray) -> FloatArray:
         """Stacked records as the models have them.
 
         Parameters

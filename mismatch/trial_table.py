@@ -16,7 +16,7 @@ from scipy.special import chdtri, gammaincc, log_ndtr, logsumexp
 from metrology import SetupError, TooLittleDataError, UsageError
 from mismatch.candidates import Candidate, start_values
 from mismatch.fitting.prepare import baseline_model
-from mismatch.forward import BatchTerm, Forward, Model, batch_terms
+from mismatch.forward import BatchTerm, Forward, ForwardModel, batch_terms
 from mismatch.records import Baseline, Records, Scatter
 from mismatch.sanity import FARTHEST
 from mismatch.verdict import (
@@ -208,7 +208,7 @@ class TableForward:
     table: TrialTable
     forward: Forward
 
-    def predict(self, models: Sequence[Model], nuisance: FloatArray) -> FloatArray:
+    def predict(self, models: Sequence[ForwardModel], nuisance: FloatArray) -> FloatArray:
         """Numbers of every trial as the models have them.
 
         Parameters
@@ -424,7 +424,7 @@ class Strength:
     sign: int
 
 
-def strengths_of(candidate: Candidate, model: Model) -> tuple[Strength, ...]:
+def strengths_of(candidate: Candidate, model: ForwardModel) -> tuple[Strength, ...]:
     """A candidate's free numbers with their priors."""
     start = start_values(candidate, model)
     found = []
@@ -439,7 +439,7 @@ def strengths_of(candidate: Candidate, model: Model) -> tuple[Strength, ...]:
 
 
 def table_candidates(
-    forward: TableForward, model: Model, effects: Iterable[Effect]
+    forward: TableForward, model: ForwardModel, effects: Iterable[Effect]
 ) -> tuple[Candidate, ...]:
     """Every effect that leaves a trace in this table, at every start value of its shapes."""
     found = []
@@ -466,7 +466,7 @@ def _along_the_wall(effect: Effect) -> Effect:
 
 
 def _with_a_trace(
-    forward: TableForward, model: Model, candidates: Sequence[Candidate]
+    forward: TableForward, model: ForwardModel, candidates: Sequence[Candidate]
 ) -> tuple[Candidate, ...]:
     moved = []
     for candidate in candidates:
@@ -779,7 +779,7 @@ class Answer:
         Evidence times prior, all forms and shapes of these ids together.
     problem : Problem
         The table linearised about the answer.
-    model : Model
+    model : ForwardModel
         The baseline with the members in it, at their posterior means.
     """
 
@@ -787,7 +787,7 @@ class Answer:
     posterior: Posterior
     log_weight: float
     problem: Problem
-    model: Model
+    model: ForwardModel
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -821,7 +821,7 @@ class Search:
 class _Point:
     """Where to linearise: a model, and shared offsets (2 B,) of restitution and launch angle."""
 
-    model: Model
+    model: ForwardModel
     offsets: FloatArray
 
 
@@ -866,7 +866,7 @@ def _linearised(
     return Problem(forward.table.values - plain, np.concatenate(columns, axis=-1), own)
 
 
-def _put(model: Model, candidate: Candidate, values: dict[str, float]) -> Model:
+def _put(model: ForwardModel, candidate: Candidate, values: dict[str, float]) -> ForwardModel:
     kept = tuple((e, v) for e, v in model.entries if e is not candidate.effect)
     return replace(model, entries=kept).having(candidate.effect, values).order()
 
@@ -878,8 +878,8 @@ def _widths(forward: TableForward) -> FloatArray:
 
 
 def refined(
-    forward: TableForward, model: Model, members: Sequence[Candidate]
-) -> tuple[Posterior, Problem, Model] | None:
+    forward: TableForward, model: ForwardModel, members: Sequence[Candidate]
+) -> tuple[Posterior, Problem, ForwardModel] | None:
     """Posterior of one set, linearised again and again where its mean lies.
 
     Returns
@@ -947,7 +947,7 @@ class _Pool:
         return found
 
 
-def _pool(forward: TableForward, model: Model, candidates: Sequence[Candidate]) -> _Pool:
+def _pool(forward: TableForward, model: ForwardModel, candidates: Sequence[Candidate]) -> _Pool:
     laws = _widths(forward)
     free = [(c, one) for c in candidates for one in strengths_of(c, model)]
     columns, place = [], 0
@@ -1008,14 +1008,14 @@ def _usual(
 
 
 def search(
-    forward: TableForward, model: Model, candidates: Sequence[Candidate], most: int = 3
+    forward: TableForward, model: ForwardModel, candidates: Sequence[Candidate], most: int = 3
 ) -> Search:
     """Weigh every set of up to `most` effects.
 
     Parameters
     ----------
     forward : TableForward
-    model : Model
+    model : ForwardModel
         The baseline's effects.
     candidates : sequence of Candidate
         What may be missing.
@@ -1274,7 +1274,7 @@ def _parting(residual: np.ndarray, table: TrialTable) -> int:
     return int(np.argmax(np.sqrt(np.nanmean(np.square(share), axis=0))))
 
 
-def table_notes(forward: TableForward, model: Model) -> tuple[str, ...]:
+def table_notes(forward: TableForward, model: ForwardModel) -> tuple[str, ...]:
     """About the data: what is assumed, and single trials that no swing can have made."""
     table, notes = forward.table, []
     for lacking, name in zip(
@@ -1293,12 +1293,12 @@ def table_notes(forward: TableForward, model: Model) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _above_the_limit(forward: TableForward, model: Model) -> list[str]:
+def _above_the_limit(forward: TableForward, model: ForwardModel) -> list[str]:
     table = forward.table
     both = np.isfinite(table.values[:, 0]) & np.isfinite(table.backswing)
     if not both.any():
         return []
-    bare = Model(tuple((e, v) for e, v in model.entries if e.phase != "swing"))
+    bare = ForwardModel(tuple((e, v) for e, v in model.entries if e.phase != "swing"))
     nothing = np.zeros((1, table.trials, 4))
     moved = nothing.copy()
     moved[..., 1] = forward.forward.baseline.scatter.backswing
@@ -1362,7 +1362,7 @@ class TableExplained:
     ----------
     verdict : EngineVerdict
     forward : TableForward
-    model : Model
+    model : ForwardModel
         The baseline's effects.
     found : Search
     best : Answer or None
@@ -1371,7 +1371,7 @@ class TableExplained:
 
     verdict: EngineVerdict
     forward: TableForward
-    model: Model
+    model: ForwardModel
     found: Search
     best: Answer | None
 
@@ -1432,7 +1432,7 @@ def explain_table(
     )
 
 
-def refuse_nonsense(forward: TableForward, model: Model) -> None:
+def refuse_nonsense(forward: TableForward, model: ForwardModel) -> None:
     """Refuse numbers whose units or columns can't be what they are said to be.
 
     Raises
@@ -1474,7 +1474,7 @@ def _rivals(found: Search, best: Answer) -> tuple[Answer, ...]:
 
 def _verdict(
     forward: TableForward,
-    model: Model,
+    model: ForwardModel,
     found: Search,
     best: Answer | None,
     hold_out: Sequence[str],

@@ -44,7 +44,7 @@ from physics.domain import (
     require_non_negative,
     require_positive,
 )
-from physics.integrator import Event, SolvedPath, follow_until, runge_kutta_step
+from physics.integrator import SolvedPath, ZeroCrossing, follow_until, runge_kutta_step
 from physics.restitution import require_cor
 
 __all__ = [
@@ -775,12 +775,12 @@ def _phase(
         return float(state[3]) - scene.rest_height + RESTING_TOLERANCE
 
     # On the support until the upward force exceeds the weight; off it until the ball sinks back.
-    leaves = Event(upward, 1.0) if resting else Event(height, -1.0)
+    leaves = ZeroCrossing(upward, 1.0) if resting else ZeroCrossing(height, -1.0)
     return follow_until(
         rates,
         start,
         (since, since + MAX_CONTACT_TIME),
-        [Event(compression, -1.0), leaves],
+        [ZeroCrossing(compression, -1.0), leaves],
         method="LSODA",
         relative=1e-9,
         absolute=1e-11,

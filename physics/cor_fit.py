@@ -510,7 +510,7 @@ class _Model:
 
 
 @dataclass(frozen=True)
-class _Samples:
+class _SpeedSamples:
     """Samples of hyperparameters with normalised weights, and the log evidence."""
 
     z: FloatArray
@@ -520,7 +520,7 @@ class _Samples:
 
 def _sampled(
     log_likelihood: Callable[[FloatArray], FloatArray], size: int, rng: np.random.Generator
-) -> _Samples:
+) -> _SpeedSamples:
     """Importance samples of a posterior with standard normal prior, adapted in rounds."""
     z = rng.standard_normal((_FIRST, size))
     likelihood = log_likelihood(z)
@@ -537,7 +537,7 @@ def _sampled(
     z, log_proposal = _proposed(mean, factor, _LAST, rng)
     log_weight = log_likelihood(z) + _log_normal(z) - log_proposal
     evidence = float(logsumexp(log_weight)) - math.log(len(z))
-    return _Samples(z, _normalised(log_weight), evidence)
+    return _SpeedSamples(z, _normalised(log_weight), evidence)
 
 
 def _log_normal(z: FloatArray) -> FloatArray:

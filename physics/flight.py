@@ -30,7 +30,7 @@ from physics.domain import (
 )
 from physics.effects.base import FlightState, Term
 from physics.effects.flight import Drag, DragByReynolds, DragThroughLayer, Magnus
-from physics.integrator import Event, SolvedPath, follow_until, runge_kutta_step
+from physics.integrator import SolvedPath, ZeroCrossing, follow_until, runge_kutta_step
 
 __all__ = [
     "FlightModel",
@@ -274,7 +274,7 @@ def _path(
         model.rates,
         start,
         (0.0, longest),
-        [Event(lands, -1.0)],
+        [ZeroCrossing(lands, -1.0)],
         method="DOP853",
         relative=max(tolerance, 3e-14),
         absolute=tolerance,

@@ -11,10 +11,10 @@ import scipy
 from physics.domain import FloatArray, Number
 
 __all__ = [
-    "Event",
     "Rates",
     "SolvedPath",
     "Trajectory",
+    "ZeroCrossing",
     "crossing",
     "follow_until",
     "integrate",
@@ -173,7 +173,7 @@ SolverRates = Callable[[float, FloatArray], Sequence[float] | FloatArray]
 
 
 @dataclass(frozen=True)
-class Event:
+class ZeroCrossing:
     """A function of the state whose zero ends the motion.
 
     Attributes
@@ -214,7 +214,7 @@ def follow_until(
     rates: SolverRates,
     start: FloatArray,
     span: tuple[float, float],
-    events: Sequence[Event],
+    events: Sequence[ZeroCrossing],
     *,
     method: str,
     relative: float,
@@ -231,7 +231,7 @@ def follow_until(
         State at the beginning of `span`.
     span : two floats
         s.
-    events : sequence of Event
+    events : sequence of ZeroCrossing
     method : str
         scipy's name of the solver.
         Name of scipy's solver.

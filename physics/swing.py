@@ -11,7 +11,7 @@ from metrology import DomainError
 from physics.bodies import GRAVITY, Pendulum
 from physics.domain import FloatArray, FloatOrArray, Number, require_angle, require_positive
 from physics.effects.base import Coordinate, SwingState, Term
-from physics.integrator import Event, SolvedPath, follow_until
+from physics.integrator import SolvedPath, ZeroCrossing, follow_until
 
 __all__ = [
     "SwingModel",
@@ -300,7 +300,7 @@ def _approach(model: SwingModel, start: float, contact_angle: float, longest: fl
         model.rates,
         np.array([start, 0.0]),
         (0.0, longest),
-        [Event(arrives), Event(stops, -1.0)],
+        [ZeroCrossing(arrives), ZeroCrossing(stops, -1.0)],
         method="DOP853",
         relative=1e-10,
         absolute=1e-12,

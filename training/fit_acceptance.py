@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from bench.concealed.foreign import CONTRACT_ID
 from bench.concealed.statistics import brier_score
 from metrology import write_text_whole
-from mismatch.acceptance import FEATURES, Evidence, features_of
+from mismatch.acceptance import FEATURES, NameEvidence, features_of
 from pipelines.explain.campaign import explain_files_in_full
 
 __all__ = ["evidence_table", "fit_logistic", "right_ids"]
@@ -102,7 +102,7 @@ def fit_logistic(columns: Array, right: Array) -> tuple[Array, Array]:
 
 
 def _columns(rows: Sequence[Mapping[str, Any]]) -> Array:
-    return np.array([features_of(Evidence(**row)) for row in rows])
+    return np.array([features_of(NameEvidence(**row)) for row in rows])
 
 
 def _stated(weights: Array, columns: Array) -> Array:

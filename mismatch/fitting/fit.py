@@ -16,7 +16,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from mismatch.forward import NUISANCES, Forward, Model, batch_terms
+from mismatch.forward import NUISANCES, Forward, ForwardModel, batch_terms
 from mismatch.records import Records
 from physics.domain import FloatArray
 from physics.effects import Coordinate, Effect, EffectId, Level, Parameter
@@ -97,7 +97,9 @@ class Linearised:
     shared_prior: FloatArray
 
 
-def free_parameters(model: Model, effects: Sequence[Effect] | None = None) -> tuple[Free, ...]:
+def free_parameters(
+    model: ForwardModel, effects: Sequence[Effect] | None = None
+) -> tuple[Free, ...]:
     """Every parameter of the named effects of a model (of all of them by default)."""
     return tuple(
         Free(index, parameter)
@@ -107,7 +109,7 @@ def free_parameters(model: Model, effects: Sequence[Effect] | None = None) -> tu
     )
 
 
-def kept_free(fit: "Fit", model: Model) -> tuple[Free, ...]:
+def kept_free(fit: "Fit", model: ForwardModel) -> tuple[Free, ...]:
     """What a fit leaves open and a model grown from it still holds, where it stands there."""
     return tuple(
         Free(index, item.parameter)
@@ -133,7 +135,7 @@ def held_information(free: Sequence[Free]) -> FloatArray:
     return np.array([f.parameter.width**-2.0 if f.parameter.is_held else 0.0 for f in free])
 
 
-def priors(forward: Forward, model: Model) -> tuple[FloatArray, FloatArray]:
+def priors(forward: Forward, model: ForwardModel) -> tuple[FloatArray, FloatArray]:
     """Inverse prior variances of the trial-to-trial values, and of each group's offsets.
 
     Those of the model's own strengths come last; what trials of a ball or of a session share is no
@@ -162,21 +164,21 @@ GROUPED = frozenset({Level.BALL, Level.SESSION})
 """Levels of which several trials, but not all, share a value."""
 
 
-def grouped_columns(forward: Forward, model: Model) -> Mapping[int, Level]:
+def grouped_columns(forward: Forward, model: ForwardModel) -> Mapping[int, Level]:
     """Columns of the trial-to-trial values of which the trials of a group share an offset."""
     first = len(NUISANCES[forward.mode])
     laws = dict.fromkeys((2, 3), Level.BALL) if forward.mode == "impact" else {}
     return laws | {first + k: s.level for k, s in enumerate(model.own) if s.level in GROUPED}
 
 
-def _most_groups(forward: Forward, model: Model) -> int:
+def _most_groups(forward: Forward, model: ForwardModel) -> int:
     """Groups at the level that has most of them: rows that a level has not stay at zero."""
     levels = {Level.BALL, *grouped_columns(forward, model).values()}
     return max(len(forward.records.groups(level)[1]) for level in levels)
 
 
 def fitting_start(
-    forward: Forward, model: Model, nuisance: FloatArray, laws: FloatArray
+    forward: Forward, model: ForwardModel, nuisance: FloatArray, laws: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Start values in the shape that a model needs: its further own strengths start at the mean."""
     own = len(NUISANCES[forward.mode]) + len(model.own)
@@ -193,7 +195,7 @@ def fitting_start(
 
 
 def spread_laws(
-    forward: Forward, model: Model, nuisance: FloatArray, laws: FloatArray
+    forward: Forward, model: ForwardModel, nuisance: FloatArray, laws: FloatArray
 ) -> FloatArray:
     """Add each group's offsets to its trials' own values."""
     if not laws.size:
@@ -206,11 +208,11 @@ def spread_laws(
 
 def linearise(
     forward: Forward,
-    model: Model,
+    model: ForwardModel,
     nuisance: FloatArray,
     laws: FloatArray,
     free: Sequence[Free],
-    extra: Sequence[Model] = (),
+    extra: Sequence[ForwardModel] = (),
     extra_steps: Sequence[float] = (),
 ) -> Linearised:
     """Residuals and derivatives around a point.
@@ -221,7 +223,7 @@ def linearise(
     base = spread_laws(forward, model, nuisance, laws)
     steps = _own_steps(forward, model)
     q = len(steps)
-    rows: list[Model] = [model] * (1 + q)
+    rows: list[ForwardModel] = [model] * (1 + q)
     own = np.repeat(base[None], 1 + q, axis=0)
     for column in range(q):
         own[1 + column, :, column] += steps[column]
@@ -242,7 +244,11 @@ def linearise(
 
 
 def _with_groups(
-    forward: Forward, model: Model, residual: FloatArray, mine: FloatArray, theirs: FloatArray
+    forward: Forward,
+    model: ForwardModel,
+    residual: FloatArray,
+    mine: FloatArray,
+    theirs: FloatArray,
 ) -> Linearised:
     """The system of residuals and slopes, with a column for each offset that a group shares."""
     own_prior, law_prior = priors(forward, model)
@@ -259,7 +265,7 @@ def _with_groups(
     )
 
 
-def _own_steps(forward: Forward, model: Model) -> FloatArray:
+def _own_steps(forward: Forward, model: ForwardModel) -> FloatArray:
     if forward.mode == "impact":
         steps = [1e-5, 1e-4, 1e-4, 1e-4]
     elif forward.mode == "flight":
@@ -271,7 +277,7 @@ def _own_steps(forward: Forward, model: Model) -> FloatArray:
     return np.array(steps)
 
 
-def moved_by_a_step(model: Model, item: Free) -> tuple[float, Model]:
+def moved_by_a_step(model: ForwardModel, item: Free) -> tuple[float, ForwardModel]:
     """The step of a derivative, and the model moved by it."""
     effect, values = model.entries[item.entry]
     parameter = item.parameter
@@ -727,7 +733,7 @@ def _read(path: Trajectory, arcs: Arcs, clock: FloatArray, component: int) -> Fl
 
 def _swung(
     forward: Forward,
-    models: Sequence[Model],
+    models: Sequence[ForwardModel],
     arcs: Arcs,
     states: FloatArray,
     values: FloatArray,
@@ -765,12 +771,12 @@ def _swung(
 
 def linearise_arcs(
     forward: Forward,
-    model: Model,
+    model: ForwardModel,
     arcs: Arcs,
     nuisance: FloatArray,
     laws: FloatArray,
     free: Sequence[Free],
-    extra: Sequence[Model] = (),
+    extra: Sequence[ForwardModel] = (),
     extra_steps: Sequence[float] = (),
 ) -> LinearisedArcs:
     """Residuals and derivatives of all pieces, with the gaps between them closed to first order.
@@ -829,7 +835,7 @@ def _followed(transfer: FloatArray, gaps: FloatArray) -> tuple[FloatArray, Float
 
 def _joined(
     forward: Forward,
-    model: Model,
+    model: ForwardModel,
     arcs: Arcs,
     left: FloatArray,
     slopes: FloatArray,
@@ -965,7 +971,7 @@ class Fit:
 
     Attributes
     ----------
-    model : Model
+    model : ForwardModel
         With its parameters at their best.
     nuisance : (T, q) array
         Trial-to-trial values, the shared laws' offsets not included.
@@ -987,7 +993,7 @@ class Fit:
         Where the pieces of a free swing ended, which the next fit may start from.
     """
 
-    model: Model
+    model: ForwardModel
     nuisance: FloatArray
     law_offsets: FloatArray
     chi2: float
@@ -1064,7 +1070,7 @@ class Fit:
 
 def fit_model(
     forward: Forward,
-    model: Model,
+    model: ForwardModel,
     free: Sequence[Free],
     start: tuple[FloatArray, FloatArray],
     *,
@@ -1080,7 +1086,7 @@ def fit_model(
     ----------
     forward : Forward
         Predictor and records.
-    model : Model
+    model : ForwardModel
         Start values of its parameters.
     free : sequence of Free
         What to vary.
@@ -1114,7 +1120,7 @@ def _as_they_are(system: Linearised, pull: FloatArray, groups: int) -> None:
 
 def _fit_in_one(
     forward: Forward,
-    model: Model,
+    model: ForwardModel,
     free: Sequence[Free],
     start: tuple[FloatArray, FloatArray],
     rounds: int,
@@ -1127,7 +1133,7 @@ def _fit_in_one(
     own_prior, law_prior = priors(forward, model)
     n_laws = laws.size
 
-    def penalty(nu: FloatArray, la: FloatArray, m: Model) -> float:
+    def penalty(nu: FloatArray, la: FloatArray, m: ForwardModel) -> float:
         flat = float(np.sum(la**2 * law_prior)) if la.size else 0.0
         kept = own_prior < 1e15
         return (
@@ -1181,7 +1187,7 @@ def _fit_in_one(
     )  # fmt: skip
 
 
-Point: TypeAlias = tuple[FloatArray, FloatArray, Model]
+Point: TypeAlias = tuple[FloatArray, FloatArray, ForwardModel]
 
 """Trial-to-trial values, laws' offsets, and the model."""
 
@@ -1231,7 +1237,7 @@ def _stepped_down(
     normal: _NormalEquations,
     stand: _PlaceOfFit,
     free: Sequence[Free],
-    penalty: Callable[[FloatArray, FloatArray, Model], float],
+    penalty: Callable[[FloatArray, FloatArray, ForwardModel], float],
     damping: float,
 ) -> tuple[_PlaceOfFit, float]:
     """A better place, or the same one, and the damping that led there."""
@@ -1454,7 +1460,7 @@ class _SwingFit:
 
 def _fit_swings(
     forward: Forward,
-    model: Model,
+    model: ForwardModel,
     free: Sequence[Free],
     begun: tuple[FloatArray, FloatArray],
     shape_priors: bool,
@@ -1506,11 +1512,11 @@ def _fit_of(pieces: _SwingFit, place: _PlaceOfArcs, ending: Ending) -> Fit:
     )  # fmt: skip
 
 
-def _values(model: Model, free: Sequence[Free]) -> FloatArray:
+def _values(model: ForwardModel, free: Sequence[Free]) -> FloatArray:
     return np.array([model.entries[f.entry][1][f.parameter.name] for f in free])
 
 
-def _anchor(item: Free, model: Model) -> float:
+def _anchor(item: Free, model: ForwardModel) -> float:
     expected = item.parameter.expected
     held = model.entries[item.entry][1][item.parameter.name]
     return float(held) if expected is None else expected
@@ -1525,7 +1531,7 @@ def _prior_information(p: Parameter, excess: float, shape_priors: bool) -> float
     return p.scale**-2 if p.is_shape and shape_priors else 0.0
 
 
-def _stepped(model: Model, free: Sequence[Free], moves: FloatArray) -> Model:
+def _stepped(model: ForwardModel, free: Sequence[Free], moves: FloatArray) -> ForwardModel:
     entries = [(effect, dict(values)) for effect, values in model.entries]
     for item, move in zip(free, moves, strict=True):
         p = item.parameter

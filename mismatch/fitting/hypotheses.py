@@ -31,7 +31,7 @@ from mismatch.fitting.scan import (
     slopes_left,
     with_own_strengths,
 )
-from mismatch.forward import Forward, Model
+from mismatch.forward import Forward, ForwardModel
 from physics.domain import FloatArray, Number, Vector
 from physics.effects import (
     CATALOGUE,
@@ -771,7 +771,7 @@ def _fitted_from(
     abandon: float = np.inf,
 ) -> Fit:
     """The baseline with candidates in it, fitted from given strengths."""
-    model: Model = base.model
+    model: ForwardModel = base.model
     for member, values in zip(members, strengths, strict=True):
         start_at = start_values(member, base.model)
         for p, value in zip(member.effect.strengths, values, strict=True):
@@ -827,7 +827,7 @@ def _airless(forward: Forward, fit: Fit, added: Sequence[Effect]) -> bool:
     )
 
 
-def _lacking(forward: Forward, model: Model) -> tuple[str, ...]:
+def _lacking(forward: Forward, model: ForwardModel) -> tuple[str, ...]:
     if forward.mode == "swing":
         return ()
     certain = (one.id for forms in CATALOGUE.values() for one in forms if one.certain)

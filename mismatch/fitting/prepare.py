@@ -19,7 +19,7 @@ from mismatch.fitting.fit import (
     seen_swings,
 )
 from mismatch.fitting.reading import told_beside_any_losses
-from mismatch.forward import NUISANCES, Forward, Mode, Model, OwnStrength
+from mismatch.forward import NUISANCES, Forward, ForwardModel, Mode, OwnStrength
 from mismatch.records import (
     Baseline,
     CampaignRecords,
@@ -68,7 +68,7 @@ class Prepared:
     ----------
     forward : Forward
         Predictor with records, noise and outliers settled.
-    model : Model
+    model : ForwardModel
         The baseline's effects, as stated.
     noise : Noise
         As estimated.
@@ -78,14 +78,14 @@ class Prepared:
     """
 
     forward: Forward
-    model: Model
+    model: ForwardModel
     noise: Noise
     fit: Fit
 
 
-def baseline_model(baseline: Baseline) -> Model:
+def baseline_model(baseline: Baseline) -> ForwardModel:
     """The baseline's effects as a model; gravity is in the forward model itself."""
-    return Model(
+    return ForwardModel(
         tuple(
             (CATALOGUE[name][0], CATALOGUE[name][0].neutral | dict(values))
             for name, values in baseline.effects.items()
@@ -181,7 +181,7 @@ def _interval(time: FloatArray) -> FloatArray:
     return np.array([np.median(row[row > 0.0]) if np.any(row > 0.0) else 0.0 for row in steps])
 
 
-def _find_clocks(forward: Forward, model: Model) -> FloatArray:
+def _find_clocks(forward: Forward, model: ForwardModel) -> FloatArray:
     """Label time of contact onset by trial: where the nominal prediction lies best, in L1."""
     records = forward.records
     reach = float(max(_span(records.ball_time).max(), _span(records.pendulum_time).max()))
@@ -226,7 +226,9 @@ def _find_clocks(forward: Forward, model: Model) -> FloatArray:
     return clocks
 
 
-def _cut_contact(forward: Forward, clocks: FloatArray, model: Model) -> tuple[Records, Forward]:
+def _cut_contact(
+    forward: Forward, clocks: FloatArray, model: ForwardModel
+) -> tuple[Records, Forward]:
     """Leave out rows around the contact and after the landing; follow ball and swing far enough."""
     records, baseline = forward.records, forward.baseline
     gap = np.array(
@@ -413,7 +415,7 @@ def prepare(
     return Prepared(forward, known, noise, fit)
 
 
-def _with_instruments(forward: Forward, model: Model) -> Model:
+def _with_instruments(forward: Forward, model: ForwardModel) -> ForwardModel:
     """The model with what the instrument leaves open in each trial, and in all of them."""
     faults = forward.baseline.instruments
     anew = [effect for effect in faults if Level.TRIAL in effect.levels]
@@ -443,7 +445,7 @@ def _told_again(
     return replace(again, outliers=noise.outliers | again.outliers)
 
 
-def _thrown_share(forward: Forward, model: Model, nuisance: FloatArray) -> int:
+def _thrown_share(forward: Forward, model: ForwardModel, nuisance: FloatArray) -> int:
     """Into how many parts the steps of throws may be cut: what moves no record is not needed.
 
     Judged by the baseline, and by it with the most that air brakes a body, which bends a flight

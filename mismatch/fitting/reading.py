@@ -23,7 +23,7 @@ from mismatch.fitting.fit import (
 )
 from mismatch.fitting.hypotheses import POOR_FIT
 from mismatch.fitting.scan import scatter_evidence, told_of_own
-from mismatch.forward import NUISANCES, Forward, Model
+from mismatch.forward import NUISANCES, Forward, ForwardModel
 from mismatch.records import SIGNIFICANT, Records
 from physics.domain import FloatArray
 from physics.effects import Effect, Level
@@ -56,14 +56,14 @@ class Reading:
     ----------
     faults : tuple of Effect
         What the instrument is left open to be off by, each held to none by its width.
-    model : Model
+    model : ForwardModel
         With those faults as they were found.
     uneven : float
         As in `Forward`.
     """
 
     faults: tuple[Effect, ...]
-    model: Model
+    model: ForwardModel
     uneven: float
 
 
@@ -100,7 +100,9 @@ def _faults(forward: Forward) -> tuple[Effect, ...]:
     return tuple(found)
 
 
-def _with_any_losses(forward: Forward, model: Model, start: FloatArray) -> tuple[Fit, list[Effect]]:
+def _with_any_losses(
+    forward: Forward, model: ForwardModel, start: FloatArray
+) -> tuple[Fit, list[Effect]]:
     pool = candidates_for(forward, model, ANY_LOSSES, unnamed=False)
     laws = [one.effect for one in pool if one.effect.level is Level.CAMPAIGN]
     held = {effect.id: values for effect, values in model.entries}
@@ -154,12 +156,12 @@ def _uneven(forward: Forward, fit: Fit) -> float:
     return size if gain > SIGNIFICANT and least < NOTEWORTHY * usual else 0.0
 
 
-def told_beside_any_losses(forward: Forward, model: Model, start: FloatArray) -> Reading:
+def told_beside_any_losses(forward: Forward, model: ForwardModel, start: FloatArray) -> Reading:
     """What a campaign of free swings shows of its instrument and of its bearing.
 
     Parameters
     ----------
-    model : Model
+    model : ForwardModel
         The baseline.
     start : (T, q) array
         The trials' own values, to start from.

@@ -33,7 +33,7 @@ from mismatch.fitting.fit import (
     priors,
     reduce,
 )
-from mismatch.forward import NUISANCES, Forward, Model, OwnStrength
+from mismatch.forward import NUISANCES, Forward, ForwardModel, OwnStrength
 from physics.domain import FloatArray
 from physics.effects import Effect, EffectId, Level
 
@@ -72,7 +72,7 @@ MIN_SPREAD = 1e-4
 class _Place:
     """A model with the values that it is looked at around; of free swings their pieces, too."""
 
-    model: Model
+    model: ForwardModel
     nuisance: FloatArray
     laws: FloatArray
     arcs: Arcs | None = None
@@ -86,7 +86,7 @@ def _linearised(
     forward: Forward,
     at: _Place,
     free: Sequence[Free],
-    extra: Sequence[Model] = (),
+    extra: Sequence[ForwardModel] = (),
     extra_steps: Sequence[float] = (),
 ) -> Linearised:
     """Around a place; of free swings around their pieces, which are as straight as strikes are.
@@ -124,7 +124,9 @@ class OwnValues:
     std: FloatArray
 
 
-def with_own_strengths(model: Model, effects: Sequence[Effect], like: Model) -> Model:
+def with_own_strengths(
+    model: ForwardModel, effects: Sequence[Effect], like: ForwardModel
+) -> ForwardModel:
     """The model with own values of all strengths of those effects that live below the campaign.
 
     Scatters are those that `like` holds, the strengths' scales where it holds none. What `like`
@@ -190,7 +192,7 @@ def _evidence_of_levels(score: FloatArray, information: FloatArray, spread: Floa
 
 def told_of_own(
     forward: Forward,
-    model: Model,
+    model: ForwardModel,
     nuisance: FloatArray,
     system: Linearised,
     mine: Sequence[int],
@@ -254,7 +256,7 @@ def _around(
     return score, information, values
 
 
-def _scattered(model: Model) -> list[Effect]:
+def _scattered(model: ForwardModel) -> list[Effect]:
     """Effects whose scatter is learnt: how far an instrument may be off is known."""
     found: list[Effect] = []
     for one in model.own:
@@ -267,7 +269,7 @@ def _scales(effect: Effect) -> FloatArray:
     return np.array([p.scale for p in effect.strengths])
 
 
-def _with_likely_scatter(forward: Forward, at: _Place, reduced_chi2: float) -> Model:
+def _with_likely_scatter(forward: Forward, at: _Place, reduced_chi2: float) -> ForwardModel:
     """The model with each effect's scatter at its most probable around a place."""
     model = at.model
     for effect in _scattered(model):
@@ -291,7 +293,7 @@ def _with_likely_scatter(forward: Forward, at: _Place, reduced_chi2: float) -> M
 
 def fit_with_levels(
     forward: Forward,
-    model: Model,
+    model: ForwardModel,
     free: Sequence[Free],
     start: tuple[FloatArray, FloatArray],
     *,
@@ -520,7 +522,7 @@ def _evidence(block: FloatArray, score: FloatArray, held: FloatArray) -> float:
 
 def scan(forward: Forward, fit: Fit, candidates: Sequence[Candidate]) -> Scan:
     """Score candidates around a fitted model."""
-    models: list[Model] = []
+    models: list[ForwardModel] = []
     sizes: list[float] = []
     starts: list[float] = []
     columns: list[tuple[int, ...]] = []
@@ -691,7 +693,7 @@ def _pulls(forward: Forward, fit: Fit) -> tuple[FloatArray, FloatArray]:
 def slopes_left(
     forward: Forward,
     fit: Fit,
-    models: Sequence[Model],
+    models: Sequence[ForwardModel],
     steps: Sequence[float],
     *,
     each: bool = False,
@@ -732,7 +734,7 @@ def _of_each_trial(system: Linearised, count: int) -> Linearised:
 def _without_own(
     forward: Forward,
     fit: Fit,
-    models: Sequence[Model] = (),
+    models: Sequence[ForwardModel] = (),
     steps: Sequence[float] = (),
     *,
     each: bool = False,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from metrology import UsageError
 from mismatch import EngineVerdict as Answer
-from mismatch import Explained
+from mismatch import ExplainedCampaign
 from mismatch.trial_table import TableExplained
 from physics.effects import Effect
 from pipelines.api.quantities import SetupLike, setup_from
@@ -29,7 +29,7 @@ class Verdict:
 
     Parameters
     ----------
-    explained : Explained or TableExplained
+    explained : ExplainedCampaign or TableExplained
         Answer and fits.
 
     Attributes
@@ -38,7 +38,7 @@ class Verdict:
         Location, effects, alternatives, held-out test and remainder, as dataclasses.
     """
 
-    def __init__(self, explained: Explained | TableExplained) -> None:
+    def __init__(self, explained: ExplainedCampaign | TableExplained) -> None:
         self._explained = explained
         self.answer: Answer = explained.verdict
 

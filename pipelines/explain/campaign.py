@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from metrology import Defaults, SetupError, TooLittleDataError, UsageError
-from mismatch import EngineVerdict, Explained, Options, explain_in_full
+from mismatch import EngineVerdict, ExplainedCampaign, Options, explain_in_full
 from mismatch.fitting.stated import stated_inputs
 from mismatch.records import (
     BallModel,
@@ -698,7 +698,7 @@ def explain_files_in_full(
     setup: Path | Setup,
     hold_out: tuple[str, ...] | None = None,
     effects: OwnEffects = None,
-) -> Explained:
+) -> ExplainedCampaign:
     """As `explain_files`, with the fits needed by plots and reports."""
     known = setup if isinstance(setup, Setup) else load_setup(setup)
     return explain_campaign(load_campaign(ball, pendulum, known), known, hold_out, effects)
@@ -712,7 +712,7 @@ def explain_clips(
     trials: Path | None = None,
     *,
     strikes: bool | None = None,
-) -> Explained:
+) -> ExplainedCampaign:
     """Measure clips and explain them as one campaign, one trial per clip.
 
     Parameters
@@ -770,7 +770,7 @@ def explain_campaign(
     known: Setup,
     hold_out: tuple[str, ...] | None = None,
     effects: OwnEffects = None,
-) -> Explained:
+) -> ExplainedCampaign:
     """Explain a campaign that has been read or measured."""
     baseline = baseline_from_setup(known, campaign)
     if isinstance(campaign, ClipCampaign):

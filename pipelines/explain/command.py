@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from metrology import UsageError, write_text_whole
-from mismatch import Explained
+from mismatch import ExplainedCampaign
 from mismatch.trial_table import TableExplained
 from physics.effects import CATALOGUE, Effect
 from pipelines.doors import CorLawOption, FileRole, SetupOption
@@ -34,7 +34,7 @@ __all__ = ["explain_command", "improved_setup"]
 SIMULATED = frozenset({"flight", "contact", "swing"})
 
 
-def improved_setup(setup: Path, explained: Explained | TableExplained) -> str:
+def improved_setup(setup: Path, explained: ExplainedCampaign | TableExplained) -> str:
     """Text of the setup file with the named effects in its [model].
 
     Everything else stays as written. Instrument faults are not part of a motion model, and a setup
@@ -64,7 +64,7 @@ def improved_setup(setup: Path, explained: Explained | TableExplained) -> str:
 
 
 def _entries(
-    explained: Explained | TableExplained,
+    explained: ExplainedCampaign | TableExplained,
 ) -> tuple[tuple[Effect, Mapping[str, float]], ...]:
     if isinstance(explained, TableExplained):
         return (explained.model if explained.best is None else explained.best.model).entries
@@ -161,7 +161,7 @@ def explain_command(
     if cor_law is not None:
         known = with_laws(known, read_cor_file(cor_law))
     held = tuple(name.strip() for name in hold_out.split(",")) if hold_out else None
-    explained: Explained | TableExplained
+    explained: ExplainedCampaign | TableExplained
     if inputs and ball is None:
         explained = explain_clips(inputs, known, held, effects, trials, strikes=strikes)
     elif ball is not None and _of_trials(ball, known.columns):

@@ -17,7 +17,7 @@ from matplotlib.mathtext import math_to_image
 from numpy.typing import NDArray
 
 from metrology import write_text_whole, written_whole
-from mismatch import EngineVerdict, Explained
+from mismatch import EngineVerdict, ExplainedCampaign
 from mismatch.candidates import Candidate
 from mismatch.fitting.fit import Fit, spread_laws
 from mismatch.forward import Forward
@@ -121,7 +121,7 @@ def _binned(forward: Forward, fit: Fit, channel: int, axis: Axes, colour: str, n
     )  # fmt: skip
 
 
-def figure_of(explained: Explained | TableExplained) -> Picture:
+def figure_of(explained: ExplainedCampaign | TableExplained) -> Picture:
     """Residuals by channel and the missing force by direction; for tables against impact speed."""
     if isinstance(explained, TableExplained):
         return figure_of_table(explained)
@@ -170,7 +170,7 @@ def figure_of(explained: Explained | TableExplained) -> Picture:
     return figure
 
 
-def draw_explained(explained: Explained | TableExplained, path: Path) -> None:
+def draw_explained(explained: ExplainedCampaign | TableExplained, path: Path) -> None:
     """Write the figure as PNG or SVG."""
     figure = figure_of(explained)
     with written_whole(path) as part:
@@ -251,39 +251,39 @@ class _Track:
     after: FloatArray | None
 
 
-def _predicted(explained: Explained, fit: Fit) -> FloatArray:
+def _predicted(explained: ExplainedCampaign, fit: Fit) -> FloatArray:
     forward = explained.prepared.forward
     nuisance = spread_laws(forward, fit.model, fit.nuisance, fit.law_offsets)
     return np.asarray(forward.predict([fit.model.order()], nuisance[None])[0])
 
 
-def _answer(explained: Explained) -> Fit | None:
+def _answer(explained: ExplainedCampaign) -> Fit | None:
     """The fit of the named effects; None if none is named."""
     best = explained.naming.best
     return None if best is None or not explained.verdict.effects else best.fit
 
 
-def _rows(explained: Explained, axis: int) -> slice:
+def _rows(explained: ExplainedCampaign, axis: int) -> slice:
     size = explained.prepared.forward.records.ball_time.shape[1]
     return slice(axis * size, (axis + 1) * size) if axis < 3 else slice(3 * size, None)
 
 
-def _used(explained: Explained, axis: int) -> NDArray[np.bool_]:
+def _used(explained: ExplainedCampaign, axis: int) -> NDArray[np.bool_]:
     return explained.prepared.forward.records.used[:, _rows(explained, axis)]
 
 
-def _axes(explained: Explained) -> tuple[int, ...]:
+def _axes(explained: ExplainedCampaign) -> tuple[int, ...]:
     return tuple(axis for axis in range(4) if _used(explained, axis).any())
 
 
-def _time(explained: Explained, axis: int) -> FloatArray:
+def _time(explained: ExplainedCampaign, axis: int) -> FloatArray:
     records = explained.prepared.forward.records
     time = records.ball_time if axis < 3 else records.pendulum_time
     start = explained.prepared.fit.nuisance[:, :1]
     return time - (start if explained.prepared.forward.mode == "impact" else time[:, :1])
 
 
-def _tracks(explained: Explained) -> tuple[list[_Track | None], str, str]:
+def _tracks(explained: ExplainedCampaign) -> tuple[list[_Track | None], str, str]:
     """Each trial's path with the axis labels: x and y of a flight, otherwise against time."""
     records = explained.prepared.forward.records
     axes = _axes(explained)
@@ -316,7 +316,7 @@ def _tracks(explained: Explained) -> tuple[list[_Track | None], str, str]:
     return found, "x / m" if flat else "time / s", unit
 
 
-def paths_figure(explained: Explained) -> Picture:
+def paths_figure(explained: ExplainedCampaign) -> Picture:
     """Recorded paths over both simulations: all together, then up to six trials magnified."""
     tracks, across, up = _tracks(explained)
     shown = [k for k, track in enumerate(tracks) if track is not None]
@@ -378,13 +378,13 @@ def _draw(axis: Axes, tracks: list[_Track | None], size: float) -> None:
     axis.tick_params(labelsize=8)
 
 
-def _left(explained: Explained, fit: Fit, axis: int) -> FloatArray:
+def _left(explained: ExplainedCampaign, fit: Fit, axis: int) -> FloatArray:
     """Recorded − simulated, mm or mrad, by trial and row."""
     at = _rows(explained, axis)
     return 1e3 * (explained.prepared.forward.records.values - _predicted(explained, fit))[:, at]
 
 
-def residuals_figure(explained: Explained) -> Picture:
+def residuals_figure(explained: ExplainedCampaign) -> Picture:
     """Residuals of both simulations, one line per trial, against time and speed."""
     axes = _axes(explained)
     figure = Picture(figsize=(7.2, 2.5 * len(axes)), layout="constrained")
@@ -415,7 +415,7 @@ def residuals_figure(explained: Explained) -> Picture:
     return figure
 
 
-def _coordinate(explained: Explained, axis: int) -> tuple[FloatArray, str]:
+def _coordinate(explained: ExplainedCampaign, axis: int) -> tuple[FloatArray, str]:
     """Coordinate of the residuals: speed in flight, angular velocity in a swing."""
     fit = _answer(explained) or explained.prepared.fit
     predicted, time = _predicted(explained, fit), _time(explained, axis)
@@ -431,7 +431,7 @@ def _coordinate(explained: Explained, axis: int) -> tuple[FloatArray, str]:
     return np.sqrt(squares), name
 
 
-def law_figure(explained: Explained) -> Picture | None:
+def law_figure(explained: ExplainedCampaign) -> Picture | None:
     """Each named force or torque against its coordinate, with its 95 % band.
 
     None if no force or torque is named.
@@ -473,12 +473,12 @@ class _Curve:
     size_name: str
 
 
-def _members(explained: Explained) -> tuple[Candidate, ...]:
+def _members(explained: ExplainedCampaign) -> tuple[Candidate, ...]:
     best = explained.naming.best
     return () if best is None or not explained.verdict.effects else best.members
 
 
-def _curve(explained: Explained, effect: Effect) -> list[_Curve]:
+def _curve(explained: ExplainedCampaign, effect: Effect) -> list[_Curve]:
     """The law's curve for each ball; empty if the effect is no force or torque."""
     best = explained.naming.best
     acting = None if best is None else _acting(explained, best.fit, effect)
@@ -507,7 +507,7 @@ class _Acting:
     flying: bool
 
 
-def _acting(explained: Explained, fit: Fit, effect: Effect) -> _Acting | None:
+def _acting(explained: ExplainedCampaign, fit: Fit, effect: Effect) -> _Acting | None:
     forward = explained.prepared.forward
     if "force" in effect.hooks:
         flight, since = flight_state(forward, fit)
@@ -601,7 +601,7 @@ def _directions(force: Vector, flight: FlightState) -> dict[str, FloatArray]:
     }
 
 
-def misfit_by_trial(explained: Explained) -> tuple[TrialMisfit, ...]:
+def misfit_by_trial(explained: ExplainedCampaign) -> tuple[TrialMisfit, ...]:
     """Residual of every trial before and after, in mm (mrad for swings alone)."""
     axes = [a for a in _axes(explained) if a < 3] or [3]
     answer = _answer(explained)
@@ -621,7 +621,9 @@ def misfit_by_trial(explained: Explained) -> tuple[TrialMisfit, ...]:
     return (*found, _together(explained, found, axes))
 
 
-def _together(explained: Explained, rows: list[TrialMisfit], axes: list[int]) -> TrialMisfit:
+def _together(
+    explained: ExplainedCampaign, rows: list[TrialMisfit], axes: list[int]
+) -> TrialMisfit:
     """All trials as one row, each weighed by its number of samples."""
     counts = {
         name: sum(int(_used(explained, a)[k].sum()) for a in axes)
@@ -638,7 +640,7 @@ def _together(explained: Explained, rows: list[TrialMisfit], axes: list[int]) ->
     )
 
 
-def _noise(explained: Explained) -> float:
+def _noise(explained: ExplainedCampaign) -> float:
     """Residual expected from noise alone, mm or mrad."""
     axes = [a for a in _axes(explained) if a < 3] or [3]
     return 1e3 * float(np.sqrt(np.mean(np.square(explained.prepared.noise.sigma[:, axes]))))
@@ -706,7 +708,7 @@ def _typeset(law: str) -> str:
     return base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
-def _effect_sections(explained: Explained | TableExplained) -> list[_EffectSection]:
+def _effect_sections(explained: ExplainedCampaign | TableExplained) -> list[_EffectSection]:
     if isinstance(explained, TableExplained):
         members = () if explained.best is None else explained.best.members
     else:
@@ -730,7 +732,7 @@ def _provenance(paths: Sequence[Path]) -> list[_ReportFile]:
 
 
 def explain_report_html(
-    explained: Explained | TableExplained, rests_on: Sequence[Path] = ()
+    explained: ExplainedCampaign | TableExplained, rests_on: Sequence[Path] = ()
 ) -> str:
     """The page as text; `rests_on` are its input files, listed with their hashes."""
     page = Environment(autoescape=True).from_string(_page())
@@ -764,7 +766,7 @@ def explain_report_html(
 
 
 def write_explain_report(
-    explained: Explained | TableExplained, path: Path, rests_on: Sequence[Path] = ()
+    explained: ExplainedCampaign | TableExplained, path: Path, rests_on: Sequence[Path] = ()
 ) -> None:
     """Write the page."""
     write_text_whole(path, explain_report_html(explained, rests_on))

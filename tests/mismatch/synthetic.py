@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from mismatch.forward import Forward, Model
+from mismatch.forward import Forward, ForwardModel
 from mismatch.records import (
     BallModel,
     Baseline,
@@ -62,7 +62,7 @@ def struck_campaign(
         for i in range(trials)
     )  # fmt: skip
     records = lay_out(CampaignRecords(blank), baseline)
-    model = Model(((CATALOGUE["drag"][0], {"drag_coefficient": 0.45}),))
+    model = ForwardModel(((CATALOGUE["drag"][0], {"drag_coefficient": 0.45}),))
     for effect, values in added:
         model = model.having(effect, effect.neutral | values)
     spans = np.full(trials, 0.5)

@@ -8,7 +8,7 @@ import pytest
 
 from mismatch import explain
 from mismatch.acceptance import (
-    Evidence,
+    NameEvidence,
     calibrated_probability,
     evidence_for_names,
     fewer_names,
@@ -19,18 +19,18 @@ from mismatch.fitting.fit import Fit, free_parameters
 from mismatch.fitting.hypotheses import EXACT, FormEvidence, Hypothesis
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.stated import stated_inputs
-from mismatch.forward import Model
+from mismatch.forward import ForwardModel
 from mismatch.records import BallModel, Baseline, CampaignRecords, Trial
 from mismatch.search.naming import Naming
 from mismatch.verdict import DOUBTED, Doubt, Passed, Prediction, _at_bound
 from physics.effects import CATALOGUE
 from tests.mismatch.synthetic import struck_campaign, thrown_campaign
 
-SURE = Evidence("drag", (), 400.0, 60.0, 60.0, 0.7, (0.6, 0.8), 80.0, 0.0, -5.0, 0, 0)
+SURE = NameEvidence("drag", (), 400.0, 60.0, 60.0, 0.7, (0.6, 0.8), 80.0, 0.0, -5.0, 0, 0)
 
 
 def _fit(law, values, chi2=100.0):
-    model = Model(tuple((effect, one) for effect, one in zip(law, values, strict=True)))
+    model = ForwardModel(tuple((effect, one) for effect, one in zip(law, values, strict=True)))
     return Fit(
         model, np.zeros((4, 6)), np.zeros((0, 0)), chi2, 0.0, 100, 100.0, free_parameters(model),
         np.eye(sum(len(e.parameters) for e in law)), np.zeros((4, 25)),

@@ -10,7 +10,7 @@ from mismatch.candidates import candidates_for
 from mismatch.fitting.hypotheses import EXPECTED, Hypothesis, fit_hypothesis
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import own_values, scatter_evidence
-from mismatch.forward import Forward, Model, OwnStrength
+from mismatch.forward import Forward, ForwardModel, OwnStrength
 from mismatch.records import BallModel, Baseline, CampaignRecords, Trial
 from mismatch.verdict import Doubt, pass_gate
 from physics.effects import CATALOGUE, Effect, Level
@@ -192,7 +192,7 @@ def test_without_sessions_there_is_no_session_level():
     campaign, baseline = struck_campaign()
     forward = prepare(campaign, baseline).forward
     assert forward.records.groups(Level.SESSION)[1] == ()
-    found = candidates_for(forward, Model(), [WIND, ROLL], unnamed=False)
+    found = candidates_for(forward, ForwardModel(), [WIND, ROLL], unnamed=False)
     assert {one.effect.level for one in found} == {Level.CAMPAIGN}
 
 
@@ -219,7 +219,7 @@ def test_per_trial_parameters_far_above_the_noise_are_suspect():
 
 
 def test_the_prior_of_a_spin_is_plausible():
-    model = Model(((SPIN, {"spin": 10.0, "spin_x": 0.0, "spin_y": 0.0}),))
+    model = ForwardModel(((SPIN, {"spin": 10.0, "spin_x": 0.0, "spin_y": 0.0}),))
     limit = SPIN.strengths[0].upper
     wild = replace(model, own=(OwnStrength(SPIN, "spin", Level.TRIAL, limit),))
     assert not wild.scatters_within_reason

@@ -7,7 +7,7 @@ import pytest
 
 from mismatch.fitting.fit import Linearised, priors, reduce, solve
 from mismatch.fitting.scan import marginal_by_trial, price, scatter_evidence
-from mismatch.forward import Model
+from mismatch.forward import ForwardModel
 from mismatch.records import Scatter
 
 TRIALS, ROWS, OWN, SHARED = 5, 9, 2, 3
@@ -104,7 +104,7 @@ def test_parameters_of_a_ball_have_the_priors_of_the_setup() -> None:
     scatter = Scatter(backswing=0.004, cor=0.005, launch_angle=0.003, cor_law=0.02,
                       launch_angle_law=0.05)  # fmt: skip
     forward = SimpleNamespace(mode="impact", baseline=SimpleNamespace(scatter=scatter))
-    own, laws = priors(forward, Model(()))
+    own, laws = priors(forward, ForwardModel(()))
     assert laws**-0.5 == pytest.approx([0.02, 0.05])
     assert own[1:] ** -0.5 == pytest.approx([0.004, 0.005, 0.003])
     assert own[0] < 1e-12 or not np.isfinite(1.0 / own[0])

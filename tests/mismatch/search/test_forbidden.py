@@ -9,7 +9,7 @@ from mismatch.candidates import Candidate
 from mismatch.fitting.fit import Ending, Fit, free_parameters
 from mismatch.fitting.hypotheses import Hypothesis, fit_hypothesis
 from mismatch.fitting.prepare import prepare
-from mismatch.forward import Model
+from mismatch.forward import ForwardModel
 from mismatch.records import BallModel, Baseline, CampaignRecords, Trial
 from mismatch.search.naming import Naming
 from mismatch.verdict import DOUBTED, Doubt, pass_gate
@@ -66,7 +66,7 @@ def test_an_impossible_answer_that_is_not_better_has_no_effect(pushed):
 
 def _fitted_law(effect, values, stds, gain):
     """A law fitted to strikes with given values and standard uncertainties."""
-    model = Model(((effect, values),))
+    model = ForwardModel(((effect, values),))
     fit = Fit(
         model, np.zeros((12, 4)), np.zeros((1, 2)), 6700.0, 0.0, 6700, 6700.0,
         free_parameters(model), np.diag(np.square(stds)), np.zeros((12, 600)),

@@ -8,7 +8,7 @@ import pytest
 from mismatch.candidates import Candidate
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import scan
-from mismatch.forward import Model, batch_terms
+from mismatch.forward import ForwardModel, batch_terms
 from mismatch.search.naming import missing_force
 from physics.effects import CATALOGUE, Effect, Parameter
 from tests.mismatch.synthetic import struck_campaign
@@ -58,9 +58,9 @@ def test_laws_of_one_class_and_id_are_separate_in_a_scan(blown):
 
 def test_lanes_group_identical_objects_only():
     drag, other = CATALOGUE["drag"][0], Blown()
-    models = [Model(((drag, {"drag_coefficient": 0.1 * k}),)) for k in range(3)]
-    models.append(Model(((drag, {"drag_coefficient": 0.5}), (Blown(lag=1.0), {"a": 1.0}))))
-    models.append(Model(((other, {"a": 2.0}), (other, {"a": 3.0}))))
+    models = [ForwardModel(((drag, {"drag_coefficient": 0.1 * k}),)) for k in range(3)]
+    models.append(ForwardModel(((drag, {"drag_coefficient": 0.5}), (Blown(lag=1.0), {"a": 1.0}))))
+    models.append(ForwardModel(((other, {"a": 2.0}), (other, {"a": 3.0}))))
     terms = batch_terms(models)
     assert [(type(t.effect).__name__, t.rows.start, t.rows.stop) for t in terms] == [
         ("Drag", 0, 4), ("Blown", 3, 4), ("Blown", 4, 5), ("Blown", 4, 5),

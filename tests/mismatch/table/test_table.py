@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from metrology import SetupError, TooLittleDataError, UsageError
-from mismatch.forward import Model
+from mismatch.forward import ForwardModel
 from mismatch.trial_table import TrialTable, explain_table, table_forward
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT
 from physics.effects import CATALOGUE
@@ -21,7 +21,7 @@ from tests.mismatch.table.trial_tables import BALLS, SETUP, lab, simulated_table
 def test_the_table_model_is_the_forward_model_of_physics():
     table = simulated_table(1, speeds=True)
     baseline = lab()
-    model = Model(((CATALOGUE["drag"][0], {"drag_coefficient": 0.47}),))
+    model = ForwardModel(((CATALOGUE["drag"][0], {"drag_coefficient": 0.47}),))
     seen = table_forward(table, baseline).predict([model], np.zeros((1, table.trials, 4)))[0]
     ball = read_setup(SETUP).balls["jokku"].body()
     mine = np.array([name == "jokku" for name in table.balls])

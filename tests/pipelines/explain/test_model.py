@@ -5,7 +5,7 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from mismatch.forward import Model
+from mismatch.forward import ForwardModel
 from mismatch.trial_table import explain_table
 from physics.effects import CATALOGUE
 from pipelines.cli import app
@@ -23,7 +23,7 @@ def improved(tmp_path, explained, *more):
     setup = tmp_path / "setup.toml"
     setup.write_text(SETUP)
     entries = explained.best.model.entries + tuple(more)
-    object.__setattr__(explained.best, "model", Model(entries))
+    object.__setattr__(explained.best, "model", ForwardModel(entries))
     path = tmp_path / "model.toml"
     path.write_text(improved_setup(setup, explained))
     return path
