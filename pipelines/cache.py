@@ -7,6 +7,7 @@ code are never returned.
 import hashlib
 import os
 import pickle
+import stat
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -18,6 +19,8 @@ from typing import Any, Self
 
 import typer
 from typer.core import TyperGroup
+
+from metrology import ClipError
 
 __all__ = ["CACHE_COMMANDS", "Cache", "CacheGroup", "clip_digest"]
 
@@ -143,14 +146,26 @@ class Cache:
 
 
 def clip_digest(path: Path) -> str:
-    """SHA-256 of a file, or of the names and contents of a folder's files in order."""
+    """SHA-256 of a file, or of the names and contents of a folder's files in order.
+
+    Raises
+    ------
+    ClipError
+        If it is neither: a pipe may never be written to, a device may never end.
+    """
     digest = hashlib.sha256()
     if path.is_dir():
         for part in sorted(one for one in path.iterdir() if one.is_file()):
             digest.update(part.name.encode())
             digest.update(bytes.fromhex(clip_digest(part)))
         return digest.hexdigest()
-    with path.open("rb") as file:
+    # Without O_NONBLOCK, opening a pipe waits for its writer.
+    with open(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise ClipError(
+                f"{path} is not a regular file",
+                hint="Pass a video file; a pipe or a device may never end.",
+            )
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from metrology import Quantity
+from metrology import ClipError, Quantity
 from pipelines import cache as module
 from pipelines.cache import Cache, clip_digest
 from pipelines.measure.chain import (
@@ -103,6 +103,14 @@ def test_a_folder_of_pictures_is_known_by_names_and_contents(tmp_path: Path) -> 
     before = clip_digest(tmp_path)
     (tmp_path / "a.png").rename(tmp_path / "b.png")
     assert clip_digest(tmp_path) != before
+
+
+@pytest.mark.timeout(20)
+def test_a_pipe_or_a_device_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.mp4")
+    for path in (tmp_path / "pipe.mp4", Path("/dev/zero")):
+        with pytest.raises(ClipError, match="not a regular file"):
+            clip_digest(path)
 
 
 def empty_measurement(path: Path) -> ClipMeasurement:
