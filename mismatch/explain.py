@@ -32,6 +32,7 @@ from mismatch.fitting.scan import own_values, robust_spread, scan
 from mismatch.fitting.wandering import wandering_errors
 from mismatch.forward import OUTSIDE, Forward
 from mismatch.records import SIGNIFICANT, Baseline, CampaignRecords
+from mismatch.repeats import repeats_of
 from mismatch.sanity import DroppedInEach, refuse_nonsense, without_odd_trials
 from mismatch.search.locate import (
     locate,
@@ -65,6 +66,10 @@ HINT = 3.0
 
 MAX_ALTERNATIVES = 8
 """Rows of the table of what else was tried, the best force without a name among them."""
+
+MAX_SHAPE_STD = 3.0
+"""Standard uncertainty of a place, time or width, in scales of it, above which a text calls it not
+determined: the scale is about what the records span. Chosen; insensitive between two and ten."""
 
 MIN_ROWS = 12
 """Samples: fewer can't tell one effect from noise, whose size they must tell as well."""
@@ -450,11 +455,11 @@ def _tested_answers(
 def _verdict(campaign: CampaignRecords, prepared: Prepared, tested: _Tested) -> EngineVerdict:
     naming, groups, passed = tested.naming, tested.groups, tested.passed
     forward, base, best = prepared.forward, prepared.fit, naming.best
-    rivals = naming.rivals()
     kept = tested.kept
     if kept is not None:
         kept = replace(kept, trials=tuple(campaign.trials[int(i)].name for i in kept.trials))
-    location = locate(forward, base, best)
+    first = None if best is None else best.members[_strongest_first(best)[0]].effect
+    location = locate(forward, base, best, first)
     remainder = remainder_of(prepared, best)
     names = [trial.name for trial in campaign.trials]
     effects = _named(forward, naming, tested, names)
@@ -465,7 +470,7 @@ def _verdict(campaign: CampaignRecords, prepared: Prepared, tested: _Tested) -> 
             statement=f"{remainder.statement} {_WHY[passed.kind]}: {reasons}.",
         )
     if not passed.names:
-        groups, rivals = (), ()
+        groups = ()
     kind = passed.kind
     if kind == "explained" and passed.against:
         kind = "ambiguous"
@@ -474,6 +479,9 @@ def _verdict(campaign: CampaignRecords, prepared: Prepared, tested: _Tested) -> 
         kind = "ambiguous"
         told = f"{remainder.statement} {_WHY[kind]}: {Doubt.UNLIKELY.value}."
         remainder = replace(remainder, statement=told)
+    repeats = repeats_of(forward, base if best is None else best.fit)
+    if kind == "no_mismatch" and repeats is not None and repeats.lacks:
+        kind, remainder = "unexplained", replace(remainder, white=False)
     if kind == "unexplained" and (location is None or not passed.names):
         # a ruler or clock that nobody believes in takes up what it can, in whichever direction
         off = _instruments_off(base)
@@ -487,7 +495,7 @@ def _verdict(campaign: CampaignRecords, prepared: Prepared, tested: _Tested) -> 
         effects,
         _alternatives(naming, passed),
         groups,
-        _next_measurement(best, rivals, groups),
+        _next_measurement(naming, groups, kind, passed.doubts),
         kept,
         remainder,
         (
@@ -496,6 +504,7 @@ def _verdict(campaign: CampaignRecords, prepared: Prepared, tested: _Tested) -> 
             *_floating_notes(forward),
             *_setup_notes(forward, best, passed),
             *_start_notes(naming),
+            *(() if repeats is None else (repeats.in_words,)),
         ),
         passed.doubts,
     )
@@ -613,7 +622,8 @@ def _named(
                 value, std = best.fit.value(index)
                 p = item.parameter
                 std = float(np.hypot(max(std, spreads[index]), _law_error(member.id) * value))
-                parameters.append(ParameterValue(p.name, value, std, p.unit))
+                known = not p.is_shape or std <= MAX_SHAPE_STD * p.scale
+                parameters.append(ParameterValue(p.name, value, std, p.unit, known))
         statement = member.effect.statement
         if member.id == EffectId.UNNAMED:
             statement = _law_in_words(member.effect, parameters)
@@ -623,8 +633,12 @@ def _named(
                 member.id, statement, probability, tuple(parameters), member.effect.form, each
             )
         )
-    order = sorted(range(len(named)), key=lambda i: -_own_gain(best, i))
-    return tuple(named[i] for i in order)
+    return tuple(named[i] for i in _strongest_first(best))
+
+
+def _strongest_first(best: Hypothesis) -> list[int]:
+    """Places of the members, that of the surest strength first."""
+    return sorted(range(len(best.members)), key=lambda i: -_own_gain(best, i))
 
 
 def _own_gain(best: Hypothesis, index: int) -> float:
@@ -665,7 +679,10 @@ def _law_in_words(effect: Effect, parameters: Sequence[ParameterValue]) -> str:
         where = effect.form.replace("_", " ")
         return f"No known effect fits. {effect.statement} Direction: {where}. The curve: {curve}."
     numbers = ", ".join(
-        f"{p.name} = {p.value:.4g} {p.unit if p.unit != '1' else ''}".rstrip() for p in parameters
+        f"{p.name} = {p.value:.4g} {p.unit if p.unit != '1' else ''}".rstrip()
+        if p.determined
+        else p.in_words
+        for p in parameters
     )
     where = effect.form.replace("_", " ")
     law = f"{_plain(effect.law)}, {numbers}"
@@ -704,18 +721,45 @@ def _alternatives(naming: Naming, passed: Passed) -> tuple[Alternative, ...]:
     return tuple(listed)
 
 
+REMEDIES: Mapping[Doubt, str] = {
+    Doubt.ONE_RECORD: "at least two more trials under the same conditions",
+    Doubt.SHAPE_OF_ONE: "at least two more trials under the same conditions",
+    Doubt.UNPROVED: "at least two more trials under the same conditions",
+    Doubt.ONE_TRIAL: "repeats of the trial on which the strength depends",
+    Doubt.UNSTEADY: "several trials at one setting, to see whether the strength differs between"
+    " repeats or between settings",
+    Doubt.UNDETERMINED: "trials that pass the same place at another speed or height",
+    Doubt.KEEPS_TIME: "one angle with a protractor, to see whether phi_rad is in radians",
+    Doubt.UNKNOWN_CALIBRATION: "a ruler in the plane of motion and a clock in view",
+    Doubt.OUTDONE: "mass and diameter of the body, density of the air, and a ruler in the plane",
+    Doubt.PENDULUMS_WEIGHT: "the period of small swings, which determines the inertia",
+    Doubt.NOISE: "a record with less noise: a camera nearer, more light, a shorter exposure",
+}
+"""Doubt → what to measure against it."""
+
+
 def _next_measurement(
-    best: Hypothesis | None,
-    rivals: Sequence[Hypothesis],
+    naming: Naming,
     groups: tuple[tuple[str, ...], ...],
+    kind: VerdictKind,
+    doubts: Sequence[Doubt],
 ) -> str | None:
-    if best is None or not groups:
-        return None
-    grouped = {one for group in groups for one in group}
-    texts = []
-    for h in (best, *rivals):
-        for member in h.members:
-            text = member.effect.separating
-            if member.id in grouped and text and text not in texts:
-                texts.append(text)
-    return "; or ".join(texts[:3]) or None
+    """What would separate the answers, or remove the doubts; None where nothing is in doubt."""
+    best = naming.best
+    texts = list[str]()
+    if best is not None and groups:
+        grouped = {one for group in groups for one in group}
+        texts = _separating((best, *naming.rivals()), grouped)
+    elif kind in ("ambiguous", "unexplained"):
+        texts = [REMEDIES[doubt] for doubt in doubts if doubt in REMEDIES]
+        if best is not None:
+            others = (other_kind(naming, best), fewer_names(naming, best))
+            texts += _separating((best, *(one for one in others if one is not None)), None)
+    return "; or ".join(list(dict.fromkeys(texts))[:3]) or None
+
+
+def _separating(sets: Sequence[Hypothesis], among: Set[str] | None) -> list[str]:
+    """What separates laws from others, of those `among` some ids, or of all."""
+    members = [member for h in sets for member in h.members]
+    texts = [m.effect.separating for m in members if among is None or m.id in among]
+    return [text for text in dict.fromkeys(texts) if text]

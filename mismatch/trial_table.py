@@ -18,6 +18,7 @@ from mismatch.candidates import Candidate, start_values
 from mismatch.fitting.prepare import baseline_model
 from mismatch.forward import BatchTerm, Forward, ForwardModel, batch_terms
 from mismatch.records import Baseline, Records, Scatter
+from mismatch.repeats import RepeatsTest, lack_of_fit, settings_of
 from mismatch.sanity import FARTHEST
 from mismatch.verdict import (
     DOUBTED,
@@ -1547,6 +1548,18 @@ def _contradicted(table: TrialTable, answer: Answer) -> bool:
     return any(stated[k] and table.present[k] and float(noise[k]) >= FARTHEST_OFF for k in (1, 2))
 
 
+def table_repeats(table: TrialTable, answer: Answer) -> RepeatsTest | None:
+    """Lack of fit of an answer, by trials of one ball that repeat a back-swing or impact speed."""
+    start = table.backswing if np.isfinite(table.backswing).any() else table.values[:, 0]
+    residual = answer.problem.residual - answer.problem.columns @ answer.posterior.mean
+    quantities = {
+        name: residual[:, channel] / table.values[:, channel]
+        for channel, name in enumerate(("impact speed", "ball speed", "range"))
+        if table.present[channel]
+    }
+    return lack_of_fit(settings_of(start, table.balls), quantities)
+
+
 def _remainder(table: TrialTable, found: Search, answer: Answer) -> Remainder:
     """Whether what is left could be errors of reading."""
     subject = "What remains after the best model" if answer.members else "The baseline's residuals"
@@ -1572,4 +1585,9 @@ def _remainder(table: TrialTable, found: Search, answer: Answer) -> Remainder:
     p_value = float(gammaincc(0.5 * max(_count(table) - free, 1), 0.5 * posterior.chi2))
     white = white and p_value > MIN_P_VALUE
     end = "as errors of reading do" if white else "more than errors of reading would"
-    return Remainder(white, f"{subject}: {' and '.join(told)}, {end}.")
+    statement = f"{subject}: {' and '.join(told)}, {end}."
+    repeats = table_repeats(table, answer)
+    if repeats is not None:
+        white = white and not repeats.lacks
+        statement += f" {repeats.in_words}."
+    return Remainder(white, statement)

@@ -22,7 +22,7 @@ from mismatch.records import Records
 from mismatch.sanity import fall_in_g, keeps_time
 from physics.bodies import GRAVITY
 from physics.domain import FloatArray
-from physics.effects import Coordinate, Effect, EffectId, Level, SwingState
+from physics.effects import MEASUREMENT_IDS, Coordinate, Effect, EffectId, Level, SwingState
 
 __all__ = [
     "DOUBTED",
@@ -52,12 +52,24 @@ VerdictKind: TypeAlias = Literal["no_mismatch", "explained", "ambiguous", "unexp
 
 @dataclass(frozen=True)
 class ParameterValue:
-    """A fitted number with its standard uncertainty."""
+    """A fitted number with its standard uncertainty.
+
+    `determined` is false for a place, time or width that the records leave open.
+    """
 
     name: str
     value: float
     std: float
     unit: str
+    determined: bool = True
+
+    @property
+    def in_words(self) -> str:
+        """Name, value and uncertainty."""
+        if not self.determined:
+            return f"{self.name} not determined"
+        unit = self.unit if self.unit != "1" else ""
+        return f"{self.name} = {self.value:.4g} ± {self.std:.2g} {unit}".rstrip()
 
     def to_json(self) -> dict[str, Any]:
         """As in the contract."""
@@ -108,6 +120,12 @@ class NamedEffect:
     form: str = ""
     each: StrengthsOfEach | None = None
 
+    @property
+    def in_words(self) -> str:
+        """Name and probability."""
+        name = _WORDS.get(self.id, self.id.replace("_", " "))
+        return f"{name} (probability {100.0 * self.probability:.0f} %)"
+
     def to_json(self) -> dict[str, Any]:
         """As in the contract, with `each` where strengths differ."""
         out: dict[str, Any] = {
@@ -123,7 +141,7 @@ class NamedEffect:
 
 @dataclass(frozen=True)
 class Location:
-    """Where simulation and recording part. Times in s after the first touch (or first sample)."""
+    """Where simulation and recording disagree; times in s after first touch or first sample."""
 
     phase: str
     t_start_s: float | None
@@ -227,13 +245,17 @@ class HeldOut:
                 out["extrapolation"]["ratio_95"] = list(self.extrapolation_95)
         return out
 
+    def _small(self, size: float) -> str:
+        """An error in mm or mrad."""
+        return f"{1e3 * size:.3g} m{self.unit}"
+
     @property
     def in_words(self) -> str:
         """The proof in one or two sentences."""
         told = (
-            f"Trials kept out of the fit: error {self.rmse_after:.3g} {self.unit} instead of"
-            f" {self.rmse_before:.3g} {self.unit} (before over after"
-            f" {self.ratio_95[0]:.4g} to {self.ratio_95[1]:.4g})"
+            f"Trials kept out of the fit: error {self._small(self.rmse_after)} instead of"
+            f" {self._small(self.rmse_before)} (error ratio before/after:"
+            f" {self.ratio_95[0]:.3g} to {self.ratio_95[1]:.3g}, 95 %)"
         )
         if self.foretells:
             told += "."
@@ -247,11 +269,11 @@ class HeldOut:
         if self.extrapolation_before is not None and self.extrapolation_after is not None:
             told += (
                 " Fitted on the first 60 % of each track, the rest is predicted to"
-                f" {self.extrapolation_after:.3g} {self.unit} instead of"
-                f" {self.extrapolation_before:.3g} {self.unit}"
+                f" {self._small(self.extrapolation_after)} instead of"
+                f" {self._small(self.extrapolation_before)}"
             )
             if self.extrapolation_95 is not None:
-                told += " (before over after {:.4g} to {:.4g})".format(*self.extrapolation_95)
+                told += " (error ratio {:.3g} to {:.3g})".format(*self.extrapolation_95)
             told += "."
         return told
 
@@ -333,20 +355,24 @@ class EngineVerdict:
     @property
     def headline(self) -> str:
         """What was found, in one sentence that nothing below it contradicts."""
-        if self.verdict == "explained" and all(e.id == EffectId.UNNAMED for e in self.effects):
-            found = "Something was left out of the model: it is in no catalogue, and has been found"
-        elif self.verdict == "explained":
-            found = "Something was left out of the model, and it has been found"
-        elif self.verdict == "ambiguous" and self.indistinguishable:
-            found = "Something was left out of the model; several explanations fit nearly alike"
-        elif self.verdict == "ambiguous":
-            found = "Something was left out of the model; what fits best is in doubt"
-        elif Doubt.NOISE in self.doubts:
+        if Doubt.NOISE in self.doubts and not self.effects:
             return "Nothing can be said: the noise of the recording is as large as what it shows."
-        else:
-            return _HEADLINES[self.verdict]
-        rest = "" if self.remainder.white else "; what it leaves over still has a pattern"
-        return f"{found}{rest}."
+        if not self.effects:
+            rest = "" if self.remainder.white else _PATTERN
+            return f"{_HEADLINES[self.verdict]}{'' if self.verdict == 'unexplained' else rest}."
+        rest = "" if self.remainder.white else _PATTERN
+        sure = [effect for effect in self.effects if effect.probability >= 0.5]
+        doubted = _listed([e.in_words for e in self.effects if e.probability < 0.5])
+        if not sure or (self.verdict == "ambiguous" and not self.indistinguishable):
+            names = _listed([effect.in_words for effect in self.effects])
+            return f"Simulation and recording disagree. Best, but in doubt: {names}{rest}."
+        named = {effect.id for effect in sure}
+        groups = [group for group in self.indistinguishable if group[0] in named]
+        others = _listed([one for group in groups for one in group[1:]], "or")
+        beside = f"; not excluded instead: {others.replace('_', ' ')}" if others else ""
+        beside += f"; in doubt: {doubted}" if doubted else ""
+        names = _listed([effect.in_words for effect in sure])
+        return f"{_subject(sure)}: {names}{beside}{rest}."
 
     @property
     def proof_of(self) -> str:
@@ -367,10 +393,7 @@ class EngineVerdict:
         if self.location is not None:
             lines.append(self.location.statement)
         for effect in self.effects:
-            numbers = ", ".join(
-                f"{p.name} = {p.value:.4g} ± {p.std:.2g} {p.unit if p.unit != '1' else ''}".rstrip()
-                for p in effect.parameters
-            )
+            numbers = ", ".join(p.in_words for p in effect.parameters)
             lines.append(
                 f"{effect.id} (probability {effect.probability:.2f}): {effect.statement} {numbers}"
             )
@@ -384,6 +407,32 @@ class EngineVerdict:
         lines.append(self.remainder.statement)
         lines.extend(f"Note: {note}" for note in self.notes)
         return "\n".join(lines)
+
+
+_PATTERN = "; the residuals still show a pattern"
+
+_WORDS: Mapping[str, str] = {
+    EffectId.UNNAMED: "a force that is in no catalogue",
+    EffectId.MAGNUS: "lift by spin (Magnus)",
+    EffectId.TIME_BASE: "wrong frame rate",
+    EffectId.LENGTH_SCALE: "wrong length scale",
+    "velocity_dependent_cor": "restitution that depends on speed",
+}
+"""Names in a headline; other ids are read without their underscores."""
+
+
+def _listed(words: Sequence[str], last: str = "and") -> str:
+    *first, end = words or [""]
+    return f"{', '.join(first)} {last} {end}" if first else end
+
+
+def _subject(effects: Sequence[NamedEffect]) -> str:
+    """Start of the headline: where the missing effects belong, and how many there are."""
+    if all(effect.id in MEASUREMENT_IDS for effect in effects):
+        return "The recording has an error that the model does not include"
+    if len(effects) == 1:
+        return "An effect is missing from the model"
+    return f"{len(effects)} effects are missing from the model"
 
 
 FORETOLD = 0.1
@@ -414,8 +463,10 @@ NO_GAIN = 1.0
 the foreign simulator's campaigns one was right."""
 
 _HEADLINES: dict[str, str] = {
-    "no_mismatch": "Nothing is missing: simulation and recording agree within the noise.",
-    "unexplained": "Simulation and recording differ, and no known effect explains it.",
+    "no_mismatch": "Nothing is missing: simulation and recording agree within the noise",
+    "unexplained": "Simulation and recording disagree, and no known effect explains it",
+    "ambiguous": "Simulation and recording disagree, and no effect is probable enough to be named",
+    "explained": "Simulation and recording disagree, and no effect is probable enough to be named",
 }
 
 DOUBTED = 0.45

@@ -262,12 +262,11 @@ def _flight_location(forward: Forward, fit: Fit, effect: Effect) -> Location:
         channel = effect.form
     t0, t1 = float(np.median(start)), float(np.median(ends))
     words = channel.replace("_", " ")
+    since = "first touch" if forward.mode == "impact" else "first sample"
     return Location(
         "flight", t0, t1, channel,
-        f"Simulation and recording part in flight, {words}, from {t0:.3f} s to {t1:.3f} s after the"
-        " first touch." if forward.mode == "impact" else
-        f"Simulation and recording part in flight, {words}, from {t0:.3g} s to {t1:.3g} s after the"
-        " first sample.",
+        f"Simulation and recording disagree in flight, {words}, from {t0:.3f} s to {t1:.3f} s"
+        f" after the {since}.",
     )  # fmt: skip
 
 
@@ -296,7 +295,7 @@ def _swing_location(forward: Forward, fit: Fit, effect: Effect) -> Location:
             end = float(np.median(np.where(felt, time, -np.inf).max(axis=1)[passing]))
     return Location(
         "swing", start, end, "angle",
-        f"Simulation and recording part in the swing, from {start:.3f} s to {end:.3f} s"
+        f"Simulation and recording disagree in the swing, from {start:.3f} s to {end:.3f} s"
         + (" after the first sample." if forward.mode == "swing"
            else " (negative: before the first touch)."),
     )  # fmt: skip
@@ -319,8 +318,15 @@ def _unheld(forward: Forward, fit: Fit, effect: Effect) -> Fit:
     return free if free.inside_bounds and free.chi2 <= fit.chi2 else fit
 
 
-def locate(forward: Forward, base: Fit, best: Hypothesis | None) -> Location | None:
+def locate(
+    forward: Forward, base: Fit, best: Hypothesis | None, first: Effect | None = None
+) -> Location | None:
     """Where the mismatch sits: by the strongest effect if one was named, else by the scan.
+
+    Parameters
+    ----------
+    first : Effect, optional
+        The strongest effect of the answer; its first member by default.
 
     Returns
     -------
@@ -340,7 +346,7 @@ def locate(forward: Forward, base: Fit, best: Hypothesis | None) -> Location | N
             f"Residuals of {found.channel} lean to one side from {found.start:.3f} s to"
             f" {found.end:.3f} s.",
         )  # fmt: skip
-    effect = best.members[0].effect
+    effect = best.members[0].effect if first is None else first
     if effect.phase == "flight" and "force" in effect.hooks:
         return _flight_location(forward, _unheld(forward, best.fit, effect), effect)
     if effect.phase == "swing":
@@ -363,7 +369,7 @@ def locate(forward: Forward, base: Fit, best: Hypothesis | None) -> Location | N
         start = float(np.asarray(values["instant"]))
     return Location(
         "measurement", start, end, "horizontal",
-        "The mismatch is the recording's own: the instrument, not the motion.",
+        "The mismatch belongs to the instrument, not to the motion.",
     )  # fmt: skip
 
 

@@ -449,6 +449,13 @@ def _shortlist(
     return [item for item in ranked[:most] if item[0] > min(share * abs(top), top - 16.0)]
 
 
+def _with_a_nameless_one(listed: Ranked, ranked: Ranked, candidates: Sequence[Candidate]) -> Ranked:
+    """The list and, if no law in it is nameless, the best of those: all compare with it."""
+    nameless = [item for item in ranked if candidates[item[1]].id == EffectId.UNNAMED]
+    held = any(candidates[index].id == EffectId.UNNAMED for _, index, _ in listed)
+    return listed if held or not listed else [*listed, *nameless[:1]]
+
+
 def name_effects(
     forward: Forward,
     base: Fit,
@@ -491,7 +498,8 @@ def name_effects(
         return Naming(None, (), threshold, first)
     share = -np.inf if swinging else 0.4
     first_of_each, others = _by_law(ranked, candidates)
-    for _, index, values in _shortlist(first_of_each, MAX_SINGLES, share):
+    listed = _shortlist(first_of_each, MAX_SINGLES, share)
+    for _, index, values in _with_a_nameless_one(listed, first_of_each, candidates):
         tried.append(
             fit_hypothesis(
                 forward,

@@ -28,6 +28,7 @@ from mismatch.trial_table import Answer, TableExplained
 from mismatch.verdict import NamedEffect
 from physics.domain import FloatArray, Vector
 from physics.effects import Coordinate, Effect, EffectId, FlightState, Values
+from pipelines.explain.tried import rows_of_tried
 from pipelines.report.plots import Picture
 
 __all__ = [
@@ -132,7 +133,7 @@ def figure_of(explained: ExplainedCampaign | TableExplained) -> Picture:
         channels.append(3)
     # with a baseline that is out of phase with a long swing, phase errors resemble torques
     seen = {("horizontal", "vertical", "out_of_plane", "angle")[k] for k in channels}
-    found = () if forward.mode == "swing" else missing_force(forward, base)
+    found = missing_force(forward, base) if _is_force(explained) else ()
     forces = [force for force in found if force.channel in seen]
     rows = 2 if forces else 1
     columns = max(len(channels), len(forces), 1)
@@ -168,6 +169,21 @@ def figure_of(explained: ExplainedCampaign | TableExplained) -> Picture:
         else:
             axis.set_axis_off()
     return figure
+
+
+def _is_force(explained: ExplainedCampaign) -> bool:
+    """Whether a force over time describes what is missing: forces or torques alone are named.
+
+    An error of the instrument or of the contact has no force in flight. Where nothing is named the
+    location decides.
+    """
+    if explained.prepared.forward.mode == "swing" or explained.verdict.verdict == "no_mismatch":
+        return False
+    members = _members(explained)
+    if not members:
+        where = explained.verdict.location
+        return where is not None and where.phase in ("flight", "swing")
+    return all({"force", "torque"} & set(member.effect.hooks) for member in members)
 
 
 def draw_explained(explained: ExplainedCampaign | TableExplained, path: Path) -> None:
@@ -283,68 +299,79 @@ def _time(explained: ExplainedCampaign, axis: int) -> FloatArray:
     return time - (start if explained.prepared.forward.mode == "impact" else time[:, :1])
 
 
-def _tracks(explained: ExplainedCampaign) -> tuple[list[_Track | None], str, str]:
-    """Each trial's path with the axis labels: x and y of a flight, otherwise against time."""
-    records = explained.prepared.forward.records
+def _misfit_axis(explained: ExplainedCampaign) -> int:
+    """Axis in which the answer removes most chi-square; without one, that of the largest misfit."""
+    forward, answer = explained.prepared.forward, _answer(explained)
+
+    def size(fit: Fit, axis: int) -> float:
+        residual = fit.residual[:, _rows(explained, axis)]
+        return float(np.square(residual).sum())
+
+    def gained(axis: int) -> float:
+        return size(explained.prepared.fit, axis) - (size(answer, axis) if answer else 0.0)
+
     axes = _axes(explained)
-    flat = {0, 1} <= set(axes)
-    up = 1 if 1 in axes else axes[0]
-    values, answer = records.values, _answer(explained)
+    return axes[0] if forward.mode == "swing" or len(axes) == 1 else max(axes, key=gained)
+
+
+def _tracks(explained: ExplainedCampaign, axis: int, across_x: bool) -> list[_Track | None]:
+    """Each trial's record along an axis, against x or against time."""
+    records, answer = explained.prepared.forward.records, _answer(explained)
     before = _predicted(explained, explained.prepared.fit)
     after = None if answer is None else _predicted(explained, answer)
+    at, time = _rows(explained, axis), _time(explained, axis)
     found: list[_Track | None] = []
     for trial in range(records.trials):
-        seen = _used(explained, up)[trial]
-        if flat:
+        seen = _used(explained, axis)[trial]
+        if across_x:
             seen = seen & _used(explained, 0)[trial]
         if not seen.any():
             found.append(None)
             continue
-        at = _rows(explained, up)
-        across = _time(explained, up)[trial, seen]
-        if flat:
-            across = values[trial, _rows(explained, 0)][seen]
+        across = records.values[trial, _rows(explained, 0)] if across_x else time[trial]
         found.append(
             _Track(
-                across,
-                values[trial, at][seen],
+                across[seen],
+                records.values[trial, at][seen],
                 before[trial, at][seen],
                 None if after is None else after[trial, at][seen],
             )
         )
-    unit = "angle / rad" if up == 3 else f"{AXES[up]} / m"
-    return found, "x / m" if flat else "time / s", unit
+    return found
 
 
 def paths_figure(explained: ExplainedCampaign) -> Picture:
-    """Recorded paths over both simulations: all together, then up to six trials magnified."""
-    tracks, across, up = _tracks(explained)
-    shown = [k for k, track in enumerate(tracks) if track is not None]
+    """All paths, then up to six trials in the coordinate of the misfit, minus the baseline."""
+    axes, axis = _axes(explained), _misfit_axis(explained)
+    flat = {0, 1} <= set(axes) and axis < 3
+    up = 1 if flat else axis
+    whole, apart = _tracks(explained, up, flat), _tracks(explained, axis, False)
+    shown = [k for k, track in enumerate(apart) if track is not None]
     picked = [
         shown[k] for k in np.linspace(0, len(shown) - 1, min(MAX_PANELS, len(shown)), dtype=int)
     ]
-    names = explained.trials
     rows = 1 + -(-len(picked) // 2)
     figure = Picture(figsize=(7.2, 2.3 * rows), layout="constrained")
     grid = figure.add_gridspec(rows, 2)
+    name, unit = ("angle", "mrad") if axis == 3 else (AXES[axis], "mm")
     for place, trial in enumerate(picked):
-        axis = figure.add_subplot(grid[1 + place // 2, place % 2])
-        _draw_difference(axis, tracks[trial])
-        axis.set_title(f"trial {names[trial]}", fontsize=9)
-        axis.set_xlabel(across, fontsize=8)
-        axis.set_ylabel(f"{up.replace(' / ', ' difference / m')}", fontsize=8)
+        panel = figure.add_subplot(grid[1 + place // 2, place % 2])
+        _draw_difference(panel, apart[trial])
+        panel.set_title(f"trial {explained.trials[trial]}", fontsize=9)
+        panel.set_xlabel("time / s", fontsize=8)
+        panel.set_ylabel(f"{name} − model before / {unit}", fontsize=8)
     together = figure.add_subplot(grid[0, :])
-    _draw(together, tracks, size=1.5)
+    _draw(together, whole, size=1.5)
     together.set_title(f"all {len(shown)} trials", fontsize=9)
-    together.set_xlabel(across)
-    together.set_ylabel(up)
+    together.set_xlabel("x / m" if flat else "time / s")
+    together.set_ylabel("angle / rad" if up == 3 else f"{AXES[up]} / m")
     handles, labels = together.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=3, fontsize=9)
     return figure
 
 
 def _draw_difference(axis: Axes, track: _Track | None) -> None:
-    """One trial minus the baseline simulation, magnified 1000 times."""
+    """One trial minus the baseline simulation, mm or mrad."""
     if track is None:
         return
     axis.plot(track.across, 1e3 * (track.seen - track.before), ".", ms=3.0, color=RECORDED_COLOUR)
@@ -651,7 +678,7 @@ FORCES = (
     " from the residuals alone, with its 95 % band; one curve for all trials."
 )
 
-SWING_MEANS = "Mean residual in units of the noise, against time."
+MEANS = "Mean residual in units of the noise, against time."
 
 TABLE = "Recorded − model for each result, against impact speed."
 
@@ -752,7 +779,7 @@ def explain_report_html(
     laws = law_figure(explained)
     return page.render(
         **common,
-        means=SWING_MEANS if swings else FORCES,
+        means=FORCES if _is_force(explained) else MEANS,
         laws="" if laws is None else _png(laws),
         noise=_noise(explained),
         paths=_png(paths_figure(explained)),
@@ -761,7 +788,8 @@ def explain_report_html(
         unit="mrad" if swings else "mm",
         swings=swings,
         count=forward.records.count,
-        worth=forward.records.expected,
+        threshold=explained.naming.threshold,
+        tried=rows_of_tried(explained.naming, explained.verdict),
     )
 
 

@@ -11,9 +11,17 @@ from bench.concealed.answer import contradictions
 from mismatch import explain_in_full
 from mismatch.explain import _plain
 from mismatch.search.unnamed import Field, unnamed_laws
-from mismatch.verdict import Doubt, EngineVerdict, HeldOut, NamedEffect, Remainder, pass_gate
+from mismatch.verdict import (
+    Doubt,
+    EngineVerdict,
+    HeldOut,
+    NamedEffect,
+    ParameterValue,
+    Remainder,
+    pass_gate,
+)
 from physics.effects import CATALOGUE
-from pipelines.explain.report import _typeset, explain_report_html
+from pipelines.explain.report import _typeset, explain_report_html, paths_figure
 from tests.mismatch.synthetic import thrown_campaign
 
 LAWS = [
@@ -42,13 +50,40 @@ def test_the_page_shows_pictures_first_and_a_caption_for_each(heavier):
     assert ">all<" in page
 
 
-def test_the_page_says_how_many_independent_numbers_it_rests_on(heavier):
-    assert "independent ones" not in explain_report_html(heavier)
-    forward = heavier.prepared.forward
-    records = replace(forward.records, inflation=np.full(4, 2.0))
-    shared = replace(heavier.prepared, forward=replace(forward, records=records))
-    page = explain_report_html(replace(heavier, prepared=shared))
-    assert re.search(rf"equivalent to {records.count / 2:.0f}\s+independent ones", page)
+def test_the_page_lists_everything_that_was_tried_with_the_unnamed(heavier):
+    page = explain_report_html(heavier)
+    table = page[page.index("Everything that was tried") :]
+    for h in heavier.naming.tried:
+        assert all(name.replace("_", " ") in table for name in h.ids)
+    assert "unnamed (" in table
+    assert table.count("the answer") == 1
+    assert "independent ones" not in page
+
+
+def test_the_first_figure_is_in_the_coordinate_that_the_answer_mends(heavier):
+    forward, best = heavier.prepared.forward, heavier.naming.best
+    rows = forward.records.ball_time.shape[1]
+    mended = [
+        float((before**2 - after**2).sum())
+        for k in range(2)
+        for before, after in (
+            (
+                heavier.prepared.fit.residual[:, k * rows : (k + 1) * rows],
+                best.fit.residual[:, k * rows : (k + 1) * rows],
+            ),
+        )
+    ]
+    figure = paths_figure(heavier)
+    labels = {axis.get_ylabel() for axis in figure.axes[:-1]}
+    assert labels == {f"{'xy'[int(np.argmax(mended))]} − model before / mm"}
+
+
+def test_a_place_that_records_leave_open_has_no_number(heavier):
+    place = ParameterValue("place", 0.8, 47.0, "m", determined=False)
+    size = ParameterValue("size", 0.8, 0.1, "N")
+    told = verdict(effects=(replace(NAMED, parameters=(place, size)),)).text()
+    assert "47" not in told
+    assert "place not determined, size = 0.8 ± 0.1 N" in told
 
 
 @pytest.mark.parametrize(("gain", "doubted"), [(0.3, True), (40.0, False)])
@@ -111,14 +146,32 @@ def test_a_path_that_is_as_far_off_is_no_worse_where_chi_square_falls():
     assert contradictions(verdict(held_out=same).to_json()) == []
 
 
-def test_the_headline_goes_with_what_is_left_and_what_is_not_excluded():
-    assert verdict().headline.endswith("it has been found.")
+def test_the_headline_names_what_was_found_and_what_is_left():
+    assert verdict().headline == "An effect is missing from the model: drag (probability 90 %)."
     rest = Remainder(False, "What remains after the best model still holds structure.")
-    assert "still has a pattern" in verdict(remainder=rest).headline
+    assert "still show a pattern" in verdict(remainder=rest).headline
     group = verdict("ambiguous", indistinguishable=(("drag", "wind"),))
-    assert "several explanations" in group.headline
+    assert group.headline.endswith("; not excluded instead: wind.")
     assert "Not excluded in place of drag: wind." in group.text()
     assert "in doubt" in verdict("ambiguous").headline
+    clock = replace(NAMED, id="time_base", probability=0.97)
+    assert verdict(effects=(clock,)).headline == (
+        "The recording has an error that the model does not include:"
+        " wrong frame rate (probability 97 %)."
+    )
+    both = verdict(effects=(NAMED, clock)).headline
+    assert both.startswith("2 effects are missing from the model: drag (probability 90 %) and")
+    weak = replace(clock, probability=0.3)
+    one = verdict("ambiguous", effects=(NAMED, weak), indistinguishable=(("drag", "wind"),))
+    assert one.headline == (
+        "An effect is missing from the model: drag (probability 90 %); not excluded instead: wind;"
+        " in doubt: wrong frame rate (probability 30 %)."
+    )
+
+
+def test_errors_of_held_out_trials_are_in_small_units():
+    assert "error 1 mm instead of 20 mm" in PROVED.in_words
+    assert "error 1 mrad instead of 20 mrad" in replace(PROVED, unit="rad").in_words
 
 
 def test_noise_as_large_as_the_motion_is_said_first():
