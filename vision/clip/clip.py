@@ -56,6 +56,7 @@ from vision.clip.picture import (
     shrink_of,
     upright_of,
 )
+from vision.clip.repeats import DistinctPictures, RepeatDetector
 
 __all__ = [
     "ClipReader",
@@ -662,7 +663,7 @@ with the rows that codecs add."""
 
 def open_video(
     path: Path, fields: Fields, *, whole: bool = False
-) -> tuple[VideoFile, ClipInfo, Upright]:
+) -> tuple["VideoFile | ImageFolder | DistinctPictures", ClipInfo, Upright]:
     """Open a video file.
 
     Parameters
@@ -676,7 +677,7 @@ def open_video(
 
     Returns
     -------
-    video : VideoFile
+    source : VideoFile or DistinctPictures
     info : ClipInfo
     upright : Upright
 
@@ -687,7 +688,14 @@ def open_video(
     """
     video = VideoFile(path)
     times = video.packets.times
-    weave, notes = _weave(video) if fields == "auto" else (fields, [])
+    source, detector, notes = _distinct(
+        video, video.first_picture.height, video.first_picture.width
+    )
+    if fields == "auto":
+        weave, weave_notes = _weave(video, detector)
+        notes += weave_notes
+    else:
+        weave = fields
     upright, note = upright_of(video.first_picture, video.pixel_aspect)
     notes += [note] if note else []
     parts = 1 if weave == "progressive" else 2
@@ -704,36 +712,69 @@ def open_video(
     notes += [note] if note else []
     upright = replace(upright, shrink=shrink)
     rate = 1.0 / times.interval_s if times.interval_s > 0 else video.declared_rate
+    shown = source.times if isinstance(source, DistinctPictures) else 1
+    seconds = source.times_s
+    rate /= shown
     info = ClipInfo(
         path=path,
         sha256=video.sha256(),
         width=width // shrink,
         height=height // shrink,
-        frames=parts * len(times.seconds),
+        frames=parts * len(seconds),
         codec=video.codec,
         container_fps=parts * rate,
         container_declares_rate=True,
-        duration_s=float(times.seconds[-1]) + (parts - 1) * 0.5 / rate,
+        duration_s=float(seconds[-1]) + (parts - 1) * 0.5 / rate,
         rotation=upright.rotation,
         weave=weave,
         bit_depth=bit_depth(video.first_picture),
         capture_fps_metadata=video.capture_fps(),
         variable_rate=times.variable,
         warnings=tuple(_file_warnings(video) + notes),
+        times_shown=shown,
     )
-    return video, info, upright
+    return source, info, upright
 
 
-def _weave(video: VideoFile) -> tuple[Weave, list[str]]:
-    height, width = video.first_picture.height, video.first_picture.width
+def _distinct(
+    source: "VideoFile | ImageFolder", height: int, width: int
+) -> tuple["VideoFile | ImageFolder | DistinctPictures", CombingDetector, list[str]]:
+    """The source without repeats, the combing of its pictures, and notes."""
+    repeats = RepeatDetector()
+    combing = _examined(source, height, width, repeats)
+    found = repeats.verdict()
+    if found.times == 1:
+        return source, combing, []
+    distinct = DistinctPictures(source, found)
+    note = (
+        f"The file shows every picture {found.times} times (frame rate raised by a program): the "
+        "repeats are dropped. Times and frame rate are those of the different pictures."
+    )
+    return distinct, _examined(distinct, height, width), [note]
+
+
+def _examined(
+    source: "VideoFile | ImageFolder | DistinctPictures",
+    height: int,
+    width: int,
+    repeats: RepeatDetector | None = None,
+) -> CombingDetector:
+    """Show the first pictures to the detectors until they have seen enough."""
     broadcast = height in _BROADCAST_HEIGHTS
     least = _MIN_BROADCAST_PICTURES if broadcast else _MIN_COMBING_PICTURES
-    detector = CombingDetector(len(video.packets.times.seconds))
-    for picture in islice(video.pictures(), max(least, _MAX_COMBING_PIXELS // (height * width))):
-        if detector.wants(picture.index):
+    detector = CombingDetector(len(source.times_s))
+    pictures: Iterator[_Picture] = iter(source.pictures())
+    for picture in islice(pictures, max(least, _MAX_COMBING_PIXELS // (height * width))):
+        if not detector.settled and detector.wants(picture.index):
             detector.show(picture.gray())
-        if detector.settled:
+        if repeats is not None:
+            repeats.show(picture.gray())
+        if detector.settled and (repeats is None or repeats.settled):
             break
+    return detector
+
+
+def _weave(video: VideoFile, detector: CombingDetector) -> tuple[Weave, list[str]]:
     seen = detector.verdict()
     half_line = (
         "the fields are separated, which doubles the frame rate, and each is interpolated to the "
@@ -905,6 +946,21 @@ def _natural(path: Path) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
 
 
+def _without_repeats(folder: ImageFolder) -> tuple[ImageFolder | DistinctPictures, ClipInfo]:
+    source, _, notes = _distinct(folder, folder.info.height, folder.info.width)
+    if not isinstance(source, DistinctPictures):
+        return folder, folder.info
+    info = replace(
+        folder.info,
+        frames=len(source.times_s),
+        container_fps=folder.info.container_fps / source.times,
+        duration_s=float(source.times_s[-1]),
+        times_shown=source.times,
+        warnings=(*folder.info.warnings, *notes),
+    )
+    return source, info
+
+
 class _Picture(Protocol):
     @property
     def index(self) -> int: ...
@@ -926,7 +982,9 @@ class ClipReader:
         Its properties.
     """
 
-    def __init__(self, source: VideoFile | ImageFolder, info: ClipInfo, upright: Upright) -> None:
+    def __init__(
+        self, source: VideoFile | ImageFolder | DistinctPictures, info: ClipInfo, upright: Upright
+    ) -> None:
         self._source = source
         self._upright = upright
         self._damage: tuple[str, ...] = ()
@@ -969,7 +1027,7 @@ class ClipReader:
             raise ClipError(f"there is no file {place}", hint="Check the name and the folder.")
         if place.is_dir():
             folder = ImageFolder(place, whole=whole)
-            clip = cls(folder, folder.info, folder.upright)
+            clip = cls(*_without_repeats(folder), folder.upright)
         else:
             if not place.is_file():
                 raise ClipError(

@@ -91,6 +91,8 @@ class ClipInfo:
         Whether frame times do not fit an even clock, up to missing frames and the clock's ticks.
     warnings : tuple of str
         Warnings about the file, in whole sentences.
+    times_shown : int
+        How often the file shows each picture; the frames are the pictures, each once.
     """
 
     path: Path
@@ -108,6 +110,7 @@ class ClipInfo:
     capture_fps_metadata: float | None
     variable_rate: bool
     warnings: tuple[str, ...] = ()
+    times_shown: int = 1
 
     @property
     def interlaced(self) -> bool:
