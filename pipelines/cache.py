@@ -1,15 +1,16 @@
 """Cache of measurement stages, keyed by clip, options, versions and sources.
 
 A key holds everything a result depends on, including the source files, so that results of older
-code are never returned.
+code are never returned. Entries are numbers and names (`pipelines.stored`), and only those that
+another user could not have written are read.
 """
 
 import hashlib
 import os
-import pickle
 import stat
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -21,11 +22,9 @@ import typer
 from typer.core import TyperGroup
 
 from metrology import ClipError
+from pipelines.stored import MAX_STORED_BYTES, OWN_PACKAGES, dump, load
 
 __all__ = ["CACHE_COMMANDS", "Cache", "CacheGroup", "clip_digest"]
-
-PACKAGES = ("calib", "metrology", "physics", "pipelines", "vision")
-"""Packages whose sources enter the key."""
 
 LIBRARIES = ("av", "numba", "numpy", "opencv-python-headless", "scikit-image", "scipy")
 """Libraries whose versions enter the key."""
@@ -36,7 +35,15 @@ LIMIT_BYTES = 1_000_000_000
 FOLDER_VARIABLE = "IMPACT_VISION_CACHE"
 """Environment variable with the cache folder; "off" disables the cache."""
 
-_SUFFIX = ".pickle"
+_SUFFIX = ".npz"
+
+_OLD_SUFFIX = ".pickle"
+"""Suffix of entries of earlier versions: never read, removed first."""
+
+_TEMPORARY = ".writing-"
+
+_ABANDONED_S = 3600.0
+"""Age from which a temporary file belongs to a process that was killed, s (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -83,30 +90,44 @@ class Cache:
         return f"{stage}-{digest.hexdigest()[:40]}"
 
     def get(self, key: str) -> Any | None:
-        """Entry of a key; None if it is missing or unreadable."""
+        """Entry of a key; None if it is missing, unreadable or may be another user's."""
         path = self._path(key)
-        if path is None:
+        if path is None or not _is_private(path.parent.stat):
             return None
         try:
-            found = pickle.loads(path.read_bytes())
-            os.utime(path)
-        # a damaged pickle may raise any exception
-        except Exception:
+            # Neither a link nor a pipe is followed.
+            descriptor = os.open(path, os.O_RDONLY | _NOFOLLOW | _NONBLOCK)
+        except OSError:
             return None
+        with open(descriptor, "rb") as file:
+            seen = os.fstat(descriptor)
+            if not (stat.S_ISREG(seen.st_mode) and _is_private(lambda: seen)):
+                return None
+            if seen.st_size > MAX_STORED_BYTES:
+                return None
+            try:
+                found = load(file.read())
+                os.utime(path)
+            # a damaged entry may raise any exception
+            except Exception:
+                return None
         return found
 
     def put(self, key: str, value: object) -> None:
-        """Store a value; do nothing if the folder can't be written."""
+        """Store a value; do nothing if the folder can't be written or the value not stored."""
         path = self._path(key)
         if path is None:
             return
         try:
             path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-                pickle.dump(value, file, protocol=5)
+            content = dump(value)
+            with tempfile.NamedTemporaryFile(
+                dir=path.parent, prefix=_TEMPORARY, delete=False
+            ) as file:
+                file.write(content)
             os.replace(file.name, path)
             self._trim()
-        except OSError:
+        except (OSError, TypeError):
             return
 
     def clear(self) -> int:
@@ -127,7 +148,9 @@ class Cache:
     def _entries(self) -> Iterator[tuple[Path, int, float]]:
         if self.folder is None or not self.folder.is_dir():
             return
-        for path in self.folder.glob(f"*{_SUFFIX}"):
+        for path in self.folder.iterdir():
+            if path.suffix not in (_SUFFIX, _OLD_SUFFIX) and not path.name.startswith(_TEMPORARY):
+                continue
             try:
                 seen = path.stat()
             except OSError:
@@ -138,11 +161,26 @@ class Cache:
     def _trim(self) -> None:
         entries = sorted(self._entries(), key=lambda entry: entry[2])
         over = sum(size for _, size, _ in entries) - self.limit_bytes
-        for path, size, _ in entries:
-            if over <= 0:
-                return
-            path.unlink(missing_ok=True)
-            over -= size
+        now = time.time()
+        for path, size, changed in entries:
+            abandoned = path.name.startswith(_TEMPORARY) and now - changed > _ABANDONED_S
+            if over > 0 or abandoned or path.suffix == _OLD_SUFFIX:
+                path.unlink(missing_ok=True)
+                over -= size
+
+
+_NOFOLLOW, _NONBLOCK = getattr(os, "O_NOFOLLOW", 0), getattr(os, "O_NONBLOCK", 0)
+
+
+def _is_private(status: Callable[[], os.stat_result]) -> bool:
+    """Whether a file or folder is this user's and nobody else may write to it."""
+    if not hasattr(os, "geteuid"):
+        return True
+    try:
+        seen = status()
+    except OSError:
+        return False
+    return seen.st_uid == os.geteuid() and not seen.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
 def clip_digest(path: Path) -> str:
@@ -160,7 +198,7 @@ def clip_digest(path: Path) -> str:
             digest.update(bytes.fromhex(clip_digest(part)))
         return digest.hexdigest()
     # Without O_NONBLOCK, opening a pipe waits for its writer.
-    with open(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
+    with open(os.open(path, os.O_RDONLY | _NONBLOCK), "rb") as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
             raise ClipError(
                 f"{path} is not a regular file",
@@ -179,7 +217,7 @@ def _code() -> str:
         except PackageNotFoundError:
             continue
     root = Path(__file__).parents[1]
-    for package in PACKAGES:
+    for package in sorted(OWN_PACKAGES):
         for source in sorted((root / package).rglob("*.py")):
             seen = source.stat()
             line = f"{source.relative_to(root)} {seen.st_size} {seen.st_mtime_ns}\n"
@@ -201,6 +239,11 @@ def show_command() -> None:
         typer.echo(f"the cache is off ({FOLDER_VARIABLE}=off)")
         return
     typer.echo(f"{kept.folder}: {kept.size() / 1e6:.1f} MB of {kept.limit_bytes / 1e6:.0f} MB")
+    if kept.folder.exists() and not _is_private(kept.folder.stat):
+        typer.echo(
+            "It is not read: the folder is another user's, or others may write to it.\n"
+            f"Make it yours (chmod go-w {kept.folder}), or set {FOLDER_VARIABLE} to another folder."
+        )
 
 
 def clear_command() -> None:
