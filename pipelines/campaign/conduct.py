@@ -17,6 +17,7 @@ from physics.cor_fit import AveragedLaw, Estimate, LawKind, lack_of_fit
 from pipelines.api.explained import explain as find_missing_physics
 from pipelines.api.quantities import measure_options, setup_from
 from pipelines.campaign.analysis import BallAnalysis, CampaignAnalysis, analyse
+from pipelines.campaign.files import clip_key, printable, refuse_occupied, staged, sweep
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State, lock_folder
 from pipelines.campaign.report import ReportFacts, draw_figures, write_figures, write_report
 from pipelines.campaign.results import (
@@ -216,23 +217,26 @@ class Published:
 
 def publish_tables(edition: Edition, ledger: Ledger) -> None:
     """Write only the tables: fast enough to do during the run."""
-    write_tables(edition.frame(ledger), edition.folder)
+    with staged(edition.folder, whole=False) as stage:
+        write_tables(edition.frame(ledger), stage)
 
 
 def publish(edition: Edition, ledger: Ledger) -> Published:
-    """Write tables, figures, laws, summary and report; each whole or not at all."""
+    """Write tables, figures, laws, summary and report; all of them or none."""
     results = edition.results(ledger)
     frame = edition.frame(ledger)
-    write_tables(frame, edition.folder)
     analysis = analyse(results, edition.setup, edition.ball)
     figures = draw_figures(analysis, against_paper=edition.against_paper)
-    write_figures(figures, edition.folder / "figures")
-    summary = json.dumps(summarise(results, analysis), indent=2, ensure_ascii=False)
-    write_text_whole(edition.folder / "summary.json", summary + "\n")
-    laws = laws_of(analysis)
-    if laws:
-        write_cor_file(edition.folder / "cor.toml", laws)
-    write_report(edition.folder / "report.html", edition.facts, results, analysis, figures)
+    with staged(edition.folder) as stage:
+        write_tables(frame, stage)
+        write_figures(figures, stage / "figures")
+        summary = json.dumps(summarise(results, analysis), indent=2)
+        write_text_whole(stage / "summary.json", summary + "\n")
+        laws = laws_of(analysis)
+        if laws:
+            write_cor_file(stage / "cor.toml", laws)
+        page, folder = stage / "report.html", edition.folder
+        write_report(page, edition.facts, results, analysis, figures, folder)
     return Published(results, frame, analysis)
 
 
@@ -388,16 +392,18 @@ def conduct(
     _require_balls(book, setup, asked.ball)
     absent = tuple(strike.clip for strike in matched.absent)
     with lock_folder(asked.out):
+        sweep(asked.out)
+        refuse_occupied(asked.out)
         path = _setup_file(asked)
         options = RunOptions(path, asked.fps, asked.ball, asked.wall_grid, asked.timeout_s)
         plan = RunPlan(asked.out, options, matched, software_version())
         facts = ReportFacts(
-            title=f"Campaign {asked.out.resolve().name}",
+            title=f"Campaign {printable(asked.out.resolve().name)}",
             version=software_version(),
             setup=None if path is None else path.name,
             notes=_notes(book, absent),
         )
-        strikes = {clip.name: strike for clip, strike in matched.strikes.items()}
+        strikes = {clip_key(clip): strike for clip, strike in matched.strikes.items()}
         edition = Edition(asked.out, book, strikes, setup, asked.ball, facts, asked.against_paper)
         progress = run(
             plan,

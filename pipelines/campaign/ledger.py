@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from metrology import UsageError
+from pipelines.campaign.files import printable
 
 __all__ = ["AttemptOutcome", "Entry", "Ledger", "State", "WorkOrder", "lock_folder"]
 
@@ -106,6 +107,9 @@ class Entry:
     document: Mapping[str, Any] | None
 
 
+_NOT_ONE = (ValueError, TypeError, LookupError, AttributeError, OverflowError, RecursionError)
+"""What a row that this program did not write may raise."""
+
 _LAYOUT = 1
 _TABLES = """
 CREATE TABLE IF NOT EXISTS clips (
@@ -157,6 +161,10 @@ class Ledger:
 
     def __init__(self, folder: Path) -> None:
         path = folder / "ledger.sqlite"
+        if path.exists() and not path.is_file():
+            raise UsageError(
+                f"{path} is not a regular file", hint="Remove it, or pass another folder as --out."
+            )
         try:
             self._base = sqlite3.connect(path, timeout=60.0, isolation_level=None)
             self._base.row_factory = sqlite3.Row
@@ -169,14 +177,36 @@ class Ledger:
                     f"{path} was written by a later version of impact-vision",
                     hint="Install that version, or pass another folder as --out.",
                 )
+            self._refuse_foreign()
             self._add_missing_columns()
             self._base.executescript(_TABLES)
             self._base.execute(f"PRAGMA user_version={_LAYOUT}")
-        except (sqlite3.Error, UnicodeDecodeError) as problem:
+        except UsageError:
+            self._base.close()
+            raise
+        except (sqlite3.Error, ValueError, TypeError, OverflowError) as problem:
             raise UsageError(
                 f"can't use {path} as ledger: {problem}",
                 hint="Pass a writable folder with free disk space as --out.",
             ) from problem
+
+    def _refuse_foreign(self) -> None:
+        """Refuse files that are no ledger: a view or trigger may run for ever.
+
+        Raises
+        ------
+        UsageError
+        """
+        held = self._base.execute("SELECT type, name, sql FROM sqlite_master").fetchall()
+        odd = [
+            row["name"]
+            for row in held
+            if row["type"] not in ("table", "index")
+            or (row["type"] == "table" and not str(row["sql"]).startswith("CREATE TABLE"))
+        ]
+        named = {row["name"] for row in held if row["type"] == "table"}
+        if odd or (named and "clips" not in named):
+            raise _foreign()
 
     def _add_missing_columns(self) -> None:
         """Add columns missing in a ledger of an older version; its rows stay.
@@ -190,10 +220,7 @@ class Ledger:
         if not held:
             return
         if not held >= _FIRST_COLUMNS:
-            raise UsageError(
-                "ledger.sqlite in this folder is not a campaign ledger",
-                hint="Pass another folder as --out.",
-            )
+            raise _foreign()
         for name, kind in _LATER_COLUMNS.items():
             if name not in held:
                 self._base.execute(f"ALTER TABLE clips ADD COLUMN {name} {kind}")
@@ -222,7 +249,7 @@ class Ledger:
                 hint="Finished clips are kept. Free disk space or make the folder writable, then"
                 " run the same command again.",
             ) from problem
-        except sqlite3.DatabaseError as problem:
+        except (sqlite3.Error, TypeError, ValueError, OverflowError) as problem:
             raise _damaged(problem) from problem
 
     @contextmanager
@@ -230,7 +257,7 @@ class Ledger:
         """Map errors of a damaged file to a message."""
         try:
             yield self._base
-        except (sqlite3.Error, ValueError, TypeError) as problem:
+        except (sqlite3.Error, *_NOT_ONE) as problem:
             raise _damaged(problem) from problem
 
     def plan(self, orders: Sequence[WorkOrder], *, retry_failed: bool) -> dict[str, str]:
@@ -341,6 +368,7 @@ class Ledger:
         UsageError
             If there is no such clip.
         """
+        reason = None if reason is None else printable(reason)
         with self._change() as base:
             _found(clip, base.execute("UPDATE clips SET excluded=? WHERE clip=?", (reason, clip)))
 
@@ -365,7 +393,7 @@ class Ledger:
         """
         with self._reading() as base:
             rows = base.execute("SELECT clip, ball_at FROM clips WHERE ball_at IS NOT NULL")
-            return {row["clip"]: row["ball_at"] for row in rows}
+            return {str(_text(row, "clip")): str(_text(row, "ball_at")) for row in rows}
 
     def entries(self) -> Iterator[Entry]:
         """All rows in the order of insertion, read one at a time."""
@@ -388,14 +416,15 @@ class Ledger:
             )
             alike: dict[str, dict[str, str | None]] = {}
             for row in rows:
-                alike.setdefault(row["sha256"], {})[row["clip"]] = row["excluded"]
+                mark = _printed(row, "excluded")
+                alike.setdefault(row["sha256"], {})[str(_text(row, "clip"))] = mark
         return [clips for clips in alike.values() if len(clips) > 1]
 
     def waiting(self) -> list[str]:
         """Names of the clips still to be measured."""
         with self._reading() as base:
             rows = base.execute("SELECT clip FROM clips WHERE state='waiting' ORDER BY rowid")
-            return [row["clip"] for row in rows]
+            return [str(_text(row, "clip")) for row in rows]
 
     def counts(self) -> dict[State, int]:
         """Number of clips in each state."""
@@ -406,14 +435,60 @@ class Ledger:
 
 
 def _entry(row: sqlite3.Row) -> Entry:
+    document = _text(row, "document", optional=True)
+    found = None if document is None else json.loads(document)
+    if found is not None:
+        _require_document(found)
+    seconds = row["seconds"]
+    if not isinstance(seconds, int | float | None):
+        raise TypeError("seconds is not a number")
+    order = [str(_text(row, name)) for name in ("clip", "path", "sha256", "options", "version")]
     return Entry(
-        WorkOrder(row["clip"], row["path"], row["sha256"], row["options"], row["version"]),
+        WorkOrder(*order),
         State(row["state"]),
         int(row["attempts"]),
-        row["seconds"],
-        row["error"],
-        row["excluded"],
-        None if row["document"] is None else json.loads(row["document"]),
+        seconds,
+        _printed(row, "error"),
+        _printed(row, "excluded"),
+        found,
+    )
+
+
+def _text(row: sqlite3.Row, name: str, *, optional: bool = False) -> str | None:
+    """A cell that must be text."""
+    if not (isinstance(row[name], str) or (optional and row[name] is None)):
+        raise TypeError(f"{name} is not text")
+    return row[name]  # type: ignore[no-any-return]
+
+
+def _printed(row: sqlite3.Row, name: str) -> str | None:
+    """A cell that is text or empty, without control characters."""
+    text = _text(row, name, optional=True)
+    return None if text is None else printable(text)
+
+
+def _require_document(found: object) -> None:
+    """Raise if a document is not one of `vision measure --json`."""
+    if not isinstance(found, dict):
+        raise TypeError("a document is not an object")
+    quantities = found.get("quantities", {})
+    for name, item in quantities.items():
+        value, std = item.get("value"), item.get("std")
+        if not (isinstance(value, int | float | None) and isinstance(std, int | float | None)):
+            raise TypeError(f"{name} is not a number")
+        if value is not None and std is None:
+            raise TypeError(f"{name} has no uncertainty")
+    for warning in found.get("warnings", ()):
+        if not isinstance(warning, str):
+            raise TypeError("a warning is not text")
+    if not isinstance(found.get("motion") or {}, dict):
+        raise TypeError("motion is not an object")
+
+
+def _foreign() -> UsageError:
+    return UsageError(
+        "ledger.sqlite in this folder is not a campaign ledger",
+        hint="Pass another folder as --out.",
     )
 
 

@@ -396,8 +396,12 @@ def write_report(
     results: Sequence[ClipResult],
     analysis: CampaignAnalysis,
     figures: dict[str, Figure],
+    folder: Path | None = None,
 ) -> None:
-    """Write the page atomically; all text in it is escaped."""
+    """Write the page atomically; all text in it is escaped.
+
+    `folder` holds the clips' pictures; without it, the folder of `path`.
+    """
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
@@ -409,7 +413,7 @@ def write_report(
         balls=[_ball(ball) for ball in analysis.balls],
         sessions=_sessions(analysis),
         sensors=[_sensor(one) for one in analysis.sensors],
-        outliers=_outliers(path.parent, analysis),
+        outliers=_outliers(folder or path.parent, analysis),
         excluded=[item for item in results if item.excluded is not None],
         copies=[item for item in results if item.elsewhere is not None],
         failed=[item for item in results if item.state == State.FAILED],

@@ -6,7 +6,7 @@ import itertools
 import math
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 from metrology import UsageError, write_text_whole
 from metrology.files import written_whole
+from pipelines.campaign.files import clip_key, printable
 from pipelines.campaign.ledger import Entry, State
 from pipelines.measure.files import column_name, without_formulas
+from pipelines.measure.inputs import QUANTITY_UNITS
 
 __all__ = [
     "ANALYSED",
@@ -165,7 +167,37 @@ def read_lab_book(path: Path) -> LabBook:
     )
     _refuse_twice(path, strikes)
     columns = ("clip", *(name for name in table.columns if name != CLIP_COLUMN))
-    return LabBook(strikes, columns, notes)
+    return _without_reserved(LabBook(strikes, columns, notes))
+
+
+_RESERVED = frozenset(
+    {"motion", "warnings", "state", "error", "excluded"}
+    | {f"reason_{name}" for name in QUANTITY_UNITS}
+    | {column_name(name, unit) for name, unit in QUANTITY_UNITS.items()}
+    | {f"{column_name(name, unit)}_std" for name, unit in QUANTITY_UNITS.items()}
+)
+"""Columns of the results: a column of the lab book with such a name gets another one."""
+
+
+def _without_reserved(book: LabBook) -> LabBook:
+    """The lab book with names of its own where they are names of results."""
+    renamed: dict[str, str] = {}
+    for name in book.columns:
+        if name in _RESERVED:
+            other = f"book_{name}"
+            while other in book.columns:
+                other = f"book_{other}"
+            renamed[name] = other
+    if not renamed:
+        return book
+    strikes = tuple(
+        replace(row, cells={renamed.get(name, name): cell for name, cell in row.cells.items()})
+        for row in book.strikes
+    )
+    columns = tuple(renamed.get(name, name) for name in book.columns)
+    listed = ", ".join(f"{name} as {other}" for name, other in renamed.items())
+    note = f"Columns of the lab book that have the name of a result are kept: {listed}."
+    return LabBook(strikes, columns, (*book.notes, note))
 
 
 def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
@@ -267,7 +299,7 @@ def _strike(path: Path, line: int, row: Mapping[object, object]) -> LabBookRow:
 
 
 def _tidy(cell: object) -> object:
-    text = str(cell).strip()
+    text = printable(str(cell).strip())
     return text or None
 
 
@@ -326,7 +358,7 @@ def match_clips(book: LabBook | None, clips: Sequence[Path]) -> Matched:
     """
     by_name: dict[str, Path] = {}
     for clip in clips:
-        for name in {clip.name, clip.stem}:
+        for name in {clip.name, clip.stem, clip_key(clip)}:
             if by_name.setdefault(name, clip) != clip:
                 raise UsageError(
                     f"two clips are called {name!r}: {by_name[name]} and {clip}",
@@ -576,9 +608,10 @@ def results_frame(
     tail = ["motion", *[name for name in frame if str(name).startswith("reason_")]]
     tail += ["warnings", "state", "error", "excluded"]
     frame = frame[[*[name for name in frame if name not in tail], *tail]].reset_index(drop=True)
-    numbers = {sensor.column for sensor in SENSORS} | {"backswing_deg"}
+    numbers = {f"{name}{std}" for name in _NUMERIC for std in ("", "_std")}
+    numbers |= {name for name in _RESERVED if name.endswith("_std")}
     for name in map(str, frame.columns):
-        if name in numbers or name.endswith("_std"):
+        if name in numbers:
             frame[name] = pd.to_numeric(frame[name])
     return frame
 
@@ -601,6 +634,8 @@ def write_tables(frame: pd.DataFrame, folder: Path) -> None:
     UsageError
         If the disk is full or the folder can't be written to.
     """
+    frame = frame.map(lambda cell: printable(cell) if isinstance(cell, str) else cell)
+    frame.columns = pd.Index([printable(str(name)) for name in frame.columns])
     texts = frame.select_dtypes(include=["object", "string"]).columns
     plain = pd.DataFrame(
         [
@@ -609,6 +644,8 @@ def write_tables(frame: pd.DataFrame, folder: Path) -> None:
         ],
         columns=frame.columns,
     )
+    heads = {name: name for name in plain.columns}
+    plain.columns = pd.Index([str(head) for head in without_formulas(heads).values()])
     buffer = io.StringIO()
     plain.to_csv(buffer, index=False, lineterminator="\n", quoting=csv.QUOTE_MINIMAL)
     try:
@@ -618,9 +655,6 @@ def write_tables(frame: pd.DataFrame, folder: Path) -> None:
         if parquet_is_written():
             with written_whole(folder / "results.parquet") as temporary:
                 _storable(frame, texts).to_parquet(temporary, index=False)
-        else:
-            # one of an earlier run would no longer agree with the other tables
-            (folder / "results.parquet").unlink(missing_ok=True)
     except OSError as problem:
         raise UsageError(
             f"can't write the results to {folder}: {problem.strerror}",

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from metrology import UsageError
+from pipelines.campaign.files import clip_key, printable
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State, WorkOrder
 from pipelines.campaign.results import LabBookRow, Matched
 from pipelines.campaign.worker import ClipWorkerDied, Request, WorkerProcess
@@ -86,7 +87,8 @@ class RunPlan:
     def order(self, clip: Path, sha256: str, ball_at: str | None = None) -> WorkOrder:
         """Build the work order of a clip; `ball_at` is a point on the ball given by the user."""
         digest = _digest(self.options, self.matched.strikes[clip], ball_at)
-        return WorkOrder(clip.name, str(clip.resolve()), sha256, digest, self.version)
+        path = str(clip.resolve()).encode("utf-8", "backslashreplace").decode()
+        return WorkOrder(clip_key(clip), path, sha256, digest, self.version)
 
     def request(self, clip: Path, ball_at: str | None = None) -> Request:
         """Build the request to the worker."""
@@ -98,8 +100,8 @@ class RunPlan:
             ball=_ball(options, strike),
             wall_grid=options.wall_grid,
             ball_at=ball_at,
-            tracks=os.path.join(_resolved(self.folder), "tracks", f"{clip.name}.csv"),
-            picture=os.path.join(_resolved(self.folder), "frames", f"{clip.name}.jpg"),
+            tracks=os.path.join(_resolved(self.folder), "tracks", f"{clip_key(clip)}.csv"),
+            picture=os.path.join(_resolved(self.folder), "frames", f"{clip_key(clip)}.jpg"),
         )
 
 
@@ -455,7 +457,7 @@ def run(
     """
     (plan.folder / "tracks").mkdir(parents=True, exist_ok=True)
     (plan.folder / "frames").mkdir(exist_ok=True)
-    paths = {clip.name: clip for clip in plan.matched.strikes}
+    paths = {clip_key(clip): clip for clip in plan.matched.strikes}
     with Ledger(plan.folder) as ledger:
         points = ledger.points()
         orders = [plan.order(clip, _sha256(clip), points.get(name)) for name, clip in paths.items()]
@@ -547,7 +549,7 @@ def _outcome(clip: str, tried: _Try) -> AttemptOutcome:
         why = f"{reply['died']}, {'once' if again else f'{deaths + 1} times'}"
         state = State.WAITING if again else State.FAILED
         return AttemptOutcome(clip, state, seconds, error=why, died=True)
-    error = reply.get("error")
+    error = None if reply.get("error") is None else printable(reply["error"])
     state = State.DONE if error is None else State.FAILED
     return AttemptOutcome(clip, state, seconds, reply.get("document"), error)
 
@@ -557,6 +559,9 @@ def _sha256(clip: Path) -> str:
     digest = hashlib.sha256()
     for path in sorted(clip.iterdir()) if clip.is_dir() else [clip]:
         try:
+            # Opening a pipe would wait for its writer; the worker refuses it by name.
+            if not path.is_file():
+                return "unreadable"
             with path.open("rb") as file:
                 while block := file.read(2**20):
                     digest.update(block)
