@@ -106,10 +106,11 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
     -------
     callable
         Raises ``typer.Exit`` for the project's errors, a full disk, a closed pipe, an interrupt
-        (130) and numbers that can't be fitted (4).
+        (130), SIGTERM (143) and numbers that can't be fitted (4).
     """
     from metrology import ImpactVisionError
     from metrology.files import shown_path
+    from pipelines.processes import Terminated
     from pipelines.terminal import screen
 
     @functools.wraps(command)
@@ -126,8 +127,9 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
                 sys.stdout.flush()
         except ImpactVisionError as problem:
             end(str(problem), problem.exit_code)
-        except KeyboardInterrupt:
-            raise typer.Exit(_SIGNAL_EXIT_CODE + signal.SIGINT) from None
+        except KeyboardInterrupt as stop:
+            number = signal.SIGTERM if isinstance(stop, Terminated) else signal.SIGINT
+            raise typer.Exit(_SIGNAL_EXIT_CODE + number) from None
         except BrokenPipeError:
             _silence_stdout()
             raise typer.Exit(_SIGNAL_EXIT_CODE + signal.SIGPIPE) from None

@@ -26,6 +26,7 @@ import uvicorn
 from fastapi import FastAPI
 
 from metrology import ImpactVisionError, UsageError
+from pipelines.processes import Terminated
 
 __all__ = ["GRACE_S", "HOLD", "RELEASE", "SCRIPT", "Guard", "Jobs", "serve_app"]
 
@@ -448,7 +449,7 @@ def serve_app(
     UsageError
         If the port is taken.
     KeyboardInterrupt
-        If the user interrupts.
+        If the user interrupts; `Terminated` at SIGTERM.
     """
     listener = _listening(port)
     guard = Guard(app, listener.getsockname()[1], what=what, command=command)
@@ -463,17 +464,19 @@ def serve_app(
     server = _Server(config)
     stopper(lambda: _stop(server))
     asyncio.run(_until_left(server, guard, listener, opened, grace_s))
-    if server.interrupted:
+    if server.ended_by == signal.SIGTERM:
+        raise Terminated
+    if server.ended_by is not None:
         raise KeyboardInterrupt
 
 
 class _Server(uvicorn.Server):
-    """Record SIGINT; re-raising it would be lost when the parent shell ignores the signal."""
+    """Record the signal; re-raising it would be lost when the parent shell ignores it."""
 
-    interrupted = False
+    ended_by: int | None = None
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        self.interrupted = self.interrupted or sig == signal.SIGINT
+        self.ended_by = sig if self.ended_by is None else self.ended_by
         super().handle_exit(sig, frame)
 
 

@@ -43,6 +43,7 @@ from pipelines.calibrate.wizard.answers import (
 )
 from pipelines.calibrate.wizard.session import Session, lens_for, read_view, with_ball
 from pipelines.doors import FileRole
+from pipelines.processes import Terminated
 from pipelines.setup.file import load_setup, read_setup
 from pipelines.terminal import DefaultCommandGroup
 from vision.clip.clip import ClipReader
@@ -506,8 +507,8 @@ def _in_browser(session: Session, browser: bool, port: int) -> None:
 
     try:
         serve(session, jobs, opened, port=port)
-    except KeyboardInterrupt:
-        _leave(jobs, 130)
+    except KeyboardInterrupt as stop:
+        _leave(jobs, 143 if isinstance(stop, Terminated) else 130)
         raise
     if session.written is None:
         _say("the page was closed; nothing was saved")

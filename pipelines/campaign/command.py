@@ -13,8 +13,8 @@ from pipelines.campaign.conduct import Campaign, CampaignOptions, conduct
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State
 from pipelines.campaign.results import parquet_is_written
 from pipelines.campaign.run import Progress as RunProgress
-from pipelines.campaign.run import stop_on_signals
 from pipelines.doors import FpsOption, GridOption, SetupOption
+from pipelines.processes import raise_when_terminated
 from pipelines.terminal import DefaultCommandGroup, screen
 
 __all__ = [
@@ -161,7 +161,7 @@ def _watched(asked: CampaignOptions, quiet: bool) -> Campaign:
 
 def _with_progress(asked: CampaignOptions, quiet: bool) -> Campaign:
     """Run the campaign with a progress bar; print how to resume after Ctrl-C or SIGTERM."""
-    stop_on_signals()
+    raise_when_terminated()
     errors = screen(errors=True)
     with Progress(
         TextColumn("{task.description}"),

@@ -1,4 +1,4 @@
-"""Files in a campaign's folder: checked before the run, swept, and replaced together."""
+"""Check, sweep and replace the files in a campaign's folder."""
 
 import os
 import re

@@ -5,7 +5,6 @@ import hashlib
 import json
 import os
 import queue
-import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -569,15 +568,6 @@ def _sha256(clip: Path) -> str:
             # the worker reports the error when it can't read the file either
             return "unreadable"
     return digest.hexdigest()
-
-
-def stop_on_signals() -> None:
-    """Handle SIGTERM as Ctrl-C: close the ledger and print how to resume."""
-
-    def stop(number: int, frame: object) -> None:
-        raise KeyboardInterrupt
-
-    signal.signal(signal.SIGTERM, stop)
 
 
 def cores() -> int:

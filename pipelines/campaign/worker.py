@@ -57,6 +57,8 @@ class ClipWorkerDied(Exception):
 
 OWN_WORKER = (sys.executable, "-m", "pipelines.campaign.worker")
 """Default worker command."""
+_ORPHAN_CHECK_S = 0.2
+"""s: interval of the check that the sender of requests lives, once it sends no more (chosen)."""
 _WATCH_S = 0.5
 """s: interval of memory checks; a worker fills a gigabyte in about that time."""
 
@@ -243,13 +245,25 @@ def _serve() -> None:
     # anything a library prints must not be read as an answer
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    for line in sys.stdin:
+    lines: queue.Queue[str | None] = queue.Queue()
+    threading.Thread(target=_read_requests, args=(lines, os.getppid()), daemon=True).start()
+    while (line := lines.get()) is not None:
         given: Mapping[str, Any] = json.loads(line)
         started = time.monotonic()
         reply = answer(Request(**given))
         reply["seconds"] = time.monotonic() - started
         answers.write(json.dumps(reply, allow_nan=False) + "\n")
         answers.flush()
+
+
+def _read_requests(lines: "queue.Queue[str | None]", sender: int) -> None:
+    """Pass on requests; end the process, even during a clip, when their sender is gone."""
+    for line in sys.stdin:
+        lines.put(line)
+    lines.put(None)
+    while os.getppid() == sender:
+        time.sleep(_ORPHAN_CHECK_S)
+    os._exit(1)
 
 
 if __name__ == "__main__":

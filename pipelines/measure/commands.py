@@ -69,6 +69,7 @@ from pipelines.measure.files import (
 from pipelines.measure.inputs import QuantityName, gather_inputs, kinds_of
 from pipelines.measure.measurement import QUANTITY_UNITS, ClipMeasurement
 from pipelines.measure.results import missing_input
+from pipelines.processes import end_with_parent
 from pipelines.report.inputs import quantity_label, quantity_text
 from pipelines.setup.file import load_setup
 from pipelines.terminal import screen
@@ -189,6 +190,7 @@ def _serve(pipe: Connection, function: Callable[[Any], Any]) -> None:
     """Answer tasks until the other end of the pipe is closed."""
     # Ctrl-C reaches every process of the terminal; the parent decides what it means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with_parent()
     for name in _ONE_THREAD:
         os.environ.setdefault(name, "1")
     with suppress(EOFError, OSError):
