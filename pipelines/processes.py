@@ -1,4 +1,4 @@
-"""Ends of processes: workers end with the program that started them; SIGTERM has its exit code."""
+"""End workers with the program that started them; raise at SIGTERM."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Workers of a killed program end, and a terminated one has the exit code of its signal."""
+"""Workers of a killed program end; a terminated one has its exit code."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Files of a campaign: refused, swept, replaced together; cells and marks of any content."""
+"""Files of a campaign are refused, swept and replaced together."""
 
 import os
 import sqlite3
