@@ -12,12 +12,12 @@ import numpy as np
 
 from mismatch.candidates import Candidate
 from mismatch.fitting.fit import Fit
-from mismatch.fitting.hypotheses import Hypothesis
+from mismatch.fitting.hypotheses import Hypothesis, group_tolerance
 from mismatch.fitting.scan import scan
 from mismatch.forward import Forward
 from mismatch.search.naming import Naming
 from mismatch.search.unnamed import smooth_fields
-from mismatch.verdict import Prediction
+from mismatch.verdict import PROVED, Prediction
 from physics.domain import FloatArray
 
 __all__ = [
@@ -26,8 +26,8 @@ __all__ = [
     "calibrated_probability",
     "evidence_for_names",
     "features_of",
-    "fewer_names",
     "other_kind",
+    "other_sizes",
     "sets_to_predict",
 ]
 
@@ -87,8 +87,8 @@ class NameEvidence:
         Other names in the answer.
     doubts : int
         Rules that take probability away: a further name that removes no error of predictions
-        (95 %), a parameter at a bound, a fit that did not converge, a better forbidden answer, a
-        strength that trials do not share or that they leave open.
+        (95 %) and no chi-square of held-out trials, each parameter at a bound, a fit that did not
+        converge, a better forbidden answer, a strength that trials do not share or leave open.
     """
 
     id: str
@@ -189,6 +189,7 @@ def evidence_for_names(
         odds = mine - max(rival, chance)
         known = base if without is None else without.fit
         predicted, interval = _removed(predictions, known, best.fit)
+        held = _held_gain(predictions, known, best)
         found.append(
             NameEvidence(
                 member.id,
@@ -198,11 +199,11 @@ def evidence_for_names(
                 over / best.reduced_chi2,
                 predicted,
                 interval,
-                _held_gain(predictions, known, best),
+                held,
                 min(left, 1.0),
                 structure,
                 len(best.members) - 1,
-                doubts + (len(best.members) > 1 and interval[0] <= 0.0),
+                doubts + (len(best.members) > 1 and interval[0] <= 0.0 and held < PROVED),
             )
         )
     return tuple(found)
@@ -237,14 +238,13 @@ def other_kind(naming: Naming, best: Hypothesis) -> Hypothesis | None:
     return max(others, key=lambda h: h.penalised_gain, default=None)
 
 
-def fewer_names(naming: Naming, best: Hypothesis) -> Hypothesis | None:
-    """The best allowed set of fewer names than an answer."""
-    others = [
-        h
-        for h in naming.tried
-        if h.allowed and not h.has_unnamed and len(h.members) < len(best.members)
-    ]
-    return max(others, key=lambda h: h.penalised_gain, default=None)
+def other_sizes(naming: Naming, best: Hypothesis) -> tuple[Hypothesis, ...]:
+    """The best allowed set of fewer names, and the best of more if it has as much evidence."""
+    named = [h for h in naming.tried if h.allowed and not h.has_unnamed]
+    fewer = [h for h in named if len(h.members) < len(best.members)]
+    least = best.penalised_gain - group_tolerance(best)
+    more = [h for h in named if len(h.members) > len(best.members) and h.penalised_gain >= least]
+    return tuple(max(sets, key=lambda h: h.penalised_gain) for sets in (fewer, more) if sets)
 
 
 def _height(naming: Naming, h: Hypothesis) -> float:

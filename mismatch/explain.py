@@ -12,8 +12,8 @@ from mismatch.acceptance import (
     NameEvidence,
     calibrated_probability,
     evidence_for_names,
-    fewer_names,
     other_kind,
+    other_sizes,
     sets_to_predict,
 )
 from mismatch.candidates import (
@@ -431,7 +431,7 @@ def _tested(prepared: Prepared, naming: Naming, held: np.ndarray | None) -> _Tes
     kept = hold_out(forward, base, best, held, known=(folds, predictions))
     kind = "ambiguous" if groups else "explained"
     passed = pass_gate(prepared, best, kind, kept, outdone=naming.outdone)
-    evidence = evidence_for_names(forward, base, naming, predictions, len(passed.against))
+    evidence = evidence_for_names(forward, base, naming, predictions, passed.weight)
     probabilities = tuple(min(calibrated_probability(one), passed.most) for one in evidence)
     return _Tested(naming, groups, kept, passed, evidence, probabilities)
 
@@ -441,13 +441,13 @@ def _tested_answers(
 ) -> tuple[_Tested, ...]:
     """The answer of the search and, where that is less likely than not, its best alternatives.
 
-    Names compete with forces without a name, and several names with fewer: what is in no catalogue
-    is an answer as well, and so is one law that averages two.
+    Names compete with forces without a name, and with fewer or more names: what is in no catalogue
+    is an answer as well, and so is one law that averages two, or two that one averages.
     """
     first = _tested(prepared, naming, held)
     if naming.best is None or first.probability >= 0.5:
         return (first,)
-    others = (other_kind(naming, naming.best), fewer_names(naming, naming.best))
+    others = (other_kind(naming, naming.best), *other_sizes(naming, naming.best))
     found = {id(one): one for one in others if one is not None}
     return first, *(_tested(prepared, replace(naming, best=one), held) for one in found.values())
 
@@ -753,7 +753,7 @@ def _next_measurement(
     elif kind in ("ambiguous", "unexplained"):
         texts = [REMEDIES[doubt] for doubt in doubts if doubt in REMEDIES]
         if best is not None:
-            others = (other_kind(naming, best), fewer_names(naming, best))
+            others = (other_kind(naming, best), *other_sizes(naming, best))
             texts += _separating((best, *(one for one in others if one is not None)), None)
     return "; or ".join(list(dict.fromkeys(texts))[:3]) or None
 

@@ -26,6 +26,7 @@ from physics.effects import MEASUREMENT_IDS, Coordinate, Effect, EffectId, Level
 
 __all__ = [
     "DOUBTED",
+    "PROVED",
     "Alternative",
     "Doubt",
     "EngineVerdict",
@@ -559,10 +560,18 @@ class Passed:
     kind : VerdictKind
     doubts : tuple of Doubt
         What speaks against the answer.
+    at_bounds : int
+        Parameters that ended at the edge of what is allowed.
     """
 
     kind: VerdictKind
     doubts: tuple[Doubt, ...] = ()
+    at_bounds: int = 0
+
+    @property
+    def weight(self) -> int:
+        """Number of doubts against the answer, each parameter at a bound counted."""
+        return len(self.against) + max(self.at_bounds - 1, 0)
 
     @property
     def names(self) -> bool:
@@ -614,7 +623,8 @@ def pass_gate(
         doubts.append(Doubt.SHAPE_OF_ONE)
     elif forward.records.trials == 1 and forward.mode != "swing":
         doubts.append(Doubt.ONE_RECORD)
-    if any(_at_bound(best, member) for member in best.members):
+    at_bounds = sum(_at_bound(best, member) for member in best.members)
+    if at_bounds:
         doubts.append(Doubt.AT_BOUND)
     if best.fit.ending is not Ending.CONVERGED:
         doubts.append(Doubt.UNCONVERGED)
@@ -656,7 +666,7 @@ def pass_gate(
     if best.has_unnamed and best.reduced_chi2 >= POOR_FIT * POOR_FIT:
         # A fitted shape that still leaves structure is a description, not a law.
         kind, doubts = "unexplained", [*doubts, Doubt.LEFT_OVER]
-    through = Passed(kind, tuple(dict.fromkeys(doubts)))
+    through = Passed(kind, tuple(dict.fromkeys(doubts)), at_bounds)
     return through if through.names else replace(through, kind="unexplained")
 
 
@@ -665,16 +675,17 @@ AT_BOUND = 1e-3
 its finite difference."""
 
 
-def _at_bound(best: Hypothesis, member: Candidate) -> bool:
-    """Whether a parameter that was fitted ended at an edge of what is allowed."""
+def _at_bound(best: Hypothesis, member: Candidate) -> int:
+    """Number of fitted parameters of a law that ended at an edge of what is allowed."""
+    count = 0
     for index, item in enumerate(best.fit.free):
         if best.fit.model.entries[item.entry][0] is not member.effect or item.parameter.is_held:
             continue
         p = item.parameter
         value, _ = best.fit.value(index)
-        if value <= p.lower + AT_BOUND * p.scale or value >= p.upper - AT_BOUND * p.scale:
-            return True
-    return False
+        edge = AT_BOUND * p.scale
+        count += value <= p.lower + edge or value >= p.upper - edge
+    return count
 
 
 def _left(prepared: Prepared, best: Hypothesis) -> float:

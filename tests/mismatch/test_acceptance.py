@@ -11,8 +11,8 @@ from mismatch.acceptance import (
     NameEvidence,
     calibrated_probability,
     evidence_for_names,
-    fewer_names,
     other_kind,
+    other_sizes,
 )
 from mismatch.candidates import Candidate
 from mismatch.fitting.fit import Fit, free_parameters
@@ -69,8 +69,11 @@ def test_a_parameter_at_its_bound_is_seen():
     inside, strength = _answer(("magnus",), 50.0), law.strengths[0]
     at = {p.name: p.upper if p is strength else p.neutral for p in law.parameters}
     edge = replace(inside, fit=_fit([law], [at]))
-    assert not _at_bound(inside, inside.members[0])
-    assert _at_bound(edge, edge.members[0])
+    assert _at_bound(inside, inside.members[0]) == 0
+    assert _at_bound(edge, edge.members[0]) == 1
+    doubts = (Doubt.AT_BOUND, Doubt.UNPROVED)
+    assert Passed("explained", doubts, 1).weight == 1
+    assert Passed("explained", doubts, 2).weight == 2
 
 
 def test_doubts_that_forbid_a_name_cap_it_and_others_are_weighed():
@@ -159,6 +162,18 @@ def test_an_unlikely_pair_is_tested_against_one_law_and_a_force_without_a_name()
     """A drifting clock was reported as wind and parallax; the set of one name was never asked."""
     pair, clock = _answer(("wind", "parallax"), 90.0), _answer(("time_base",), 60.0)
     naming = Naming(pair, (pair, clock), 12.0, SimpleNamespace(candidates=()))
-    assert fewer_names(naming, pair) is clock
-    assert fewer_names(naming, clock) is None
+    assert other_sizes(naming, pair) == (clock,)
     assert other_kind(naming, pair) is None
+
+
+def test_one_law_that_averages_two_is_tested_against_the_pair():
+    """viscous_damping 0.68 alone was "explained", the true pair 0.6 units ahead of it."""
+    one, pair = (
+        _answer(("viscous_damping",), 90.0),
+        _answer(("bearing_friction", "pendulum_drag"), 110.0),
+    )
+    poor = _answer(("bearing_friction", "viscous_damping"), 60.0)
+    naming = Naming(one, (one, pair, poor), 12.0, SimpleNamespace(candidates=()))
+    assert other_sizes(naming, one) == (pair,)
+    naming = Naming(one, (one, poor), 12.0, SimpleNamespace(candidates=()))
+    assert other_sizes(naming, one) == ()
