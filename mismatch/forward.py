@@ -5,11 +5,12 @@ trial as in `Records`: x, y, z of all ball rows, then the pendulum's angles. A m
 with a column of parameter values per row.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mismatch.records import COLUMNS, Baseline, Records
 from physics.domain import FloatArray
@@ -199,6 +200,8 @@ def _column(
 
 Mode: TypeAlias = Literal["impact", "flight", "swing"]
 
+LaneIndex: TypeAlias = NDArray[np.int64]
+
 NUISANCES: dict[Mode, tuple[str, ...]] = {
     "impact": ("clock", "backswing", "cor", "launch_angle"),
     "flight": ("x", "y", "z", "vx", "vy", "vz"),
@@ -285,6 +288,30 @@ class Forward:
         self, terms: Sequence[BatchTerm], nuisance: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
         records, shape = self.records, nuisance.shape[:2]
+        first, lane = _distinct(terms, STRIKE_HOOKS, nuisance[..., :4])
+        # Laws of flight and of images leave the strike as it is: it is followed once for all.
+        strike = self._strike(_of_lanes(terms, first), nuisance[first])
+        outcome = _lanes(strike.outcome, lane, len(first))
+        ball_since, phi, omega = strike.ball_since[lane], strike.phi[lane], strike.omega[lane]
+        gap = np.asarray(outcome.contact_time)
+        ball_state = self._read_flight(terms, outcome, ball_since - gap[..., None], lane)
+        rest_y = self._rest_y(shape)
+        resting = np.stack([np.zeros(shape), rest_y, np.zeros(shape)])[..., None]
+        flown = ball_since >= gap[..., None]
+        # Between onset and release the ball is shown on a straight line; those rows are not fitted.
+        share = np.clip(ball_since / gap[..., None], 0.0, 1.0)
+        released = np.stack(
+            [np.asarray(v) + np.zeros(shape) for v in (outcome.x, outcome.y, outcome.z)]
+        )
+        ball = np.where(flown, ball_state[:3], resting + share * (released[..., None] - resting))
+        velocity = np.where(flown, ball_state[3:], 0.0)
+        clock = nuisance[..., 0][..., None]
+        times = (records.ball_time - clock, records.pendulum_time - clock)
+        return ball, velocity, phi, omega, times
+
+    def _strike(self, terms: Sequence[BatchTerm], nuisance: FloatArray) -> "_Strike":
+        """Swings and contacts, and the ball's times since first touch."""
+        records, shape = self.records, nuisance.shape[:2]
         backswing = records.backswing + nuisance[..., 1]
         for term in terms:
             if "start" in term.effect.hooks:
@@ -296,39 +323,33 @@ class Forward:
         rate = path.at(fall[..., None])[1, ..., 0]
         outcome = self._contact(terms, nuisance, rate, onset_angle)
         gap = np.asarray(outcome.contact_time)
-
         clock = nuisance[..., 0][..., None]
         ball_since = self.true_time(terms, records.ball_time - clock)
         swing_since = self.true_time(terms, records.pendulum_time - clock)
-        flight = self._fly(terms, outcome)
-        after = self._swing_on(terms, outcome)
-
-        ball_state = flight.at(ball_since - gap[..., None])
-        rest_y = self._rest_y(shape)
-        resting = np.stack([np.zeros(shape), rest_y, np.zeros(shape)])[..., None]
-        flown = ball_since >= gap[..., None]
-        # Between onset and release the ball is shown on a straight line; those rows are not fitted.
-        share = np.clip(ball_since / gap[..., None], 0.0, 1.0)
-        released = np.stack(
-            [np.asarray(v) + np.zeros(shape) for v in (outcome.x, outcome.y, outcome.z)]
-        )
-        ball = np.where(flown, ball_state[:3], resting + share * (released[..., None] - resting))
-        velocity = np.where(flown, ball_state[3:], 0.0)
         before = path.at(np.maximum(fall[..., None] + swing_since, 0.0))
-        later = after.at(swing_since - gap[..., None])
-        swing = np.where(swing_since > 0.5 * gap[..., None], later, before)
-        times = (records.ball_time - clock, records.pendulum_time - clock)
-        return ball, velocity, swing[0], swing[1], times
+        later = self._swing_on(terms, outcome).at(swing_since - gap[..., None])
+        phi, omega = np.where(swing_since > 0.5 * gap[..., None], later, before)
+        return _Strike(outcome, ball_since, phi, omega)
+
+    def _read_flight(
+        self, terms: Sequence[BatchTerm], outcome: Outcome, since: FloatArray, same: LaneIndex
+    ) -> FloatArray:
+        """States (c, K, T, S) of struck balls; lanes that start and fly alike are followed once."""
+        first, lane = _distinct(terms, FLIGHT_HOOKS, same[:, None].astype(np.float64))
+        flight = self._fly(_of_lanes(terms, first), _lanes(outcome, first, len(since)))
+        return flight.at(since[first], _read_components(terms))[:, lane]
 
     def _thrown(
         self, terms: Sequence[BatchTerm], nuisance: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
         records, shape = self.records, nuisance.shape[:2]
-        state = np.moveaxis(nuisance[..., :6], -1, 0)
-        path = self._integrate_flight(terms, state, np.zeros(shape))
+        first, lane = _distinct(terms, FLIGHT_HOOKS | {"clock"}, nuisance[..., :6])
+        few, starts = _of_lanes(terms, first), nuisance[first]
+        state = np.moveaxis(starts[..., :6], -1, 0)
+        path = self._integrate_flight(few, state, np.zeros(starts.shape[:2]))
         label = records.ball_time - records.ball_time[:, :1]
-        since = self.true_time(terms, np.broadcast_to(label, (*shape, label.shape[1])))
-        sample = path.at(since)
+        since = self.true_time(few, np.broadcast_to(label, (len(first), *label.shape)))
+        sample = path.at(since, _read_components(terms))[:, lane]
         blank = np.zeros((*shape, records.pendulum_time.shape[1]))
         return sample[:3], sample[3:], blank, blank, (label, blank)
 
@@ -642,6 +663,76 @@ class PendulumBody:
     inertia: float
     mass: float
     com: float
+
+
+STRIKE_HOOKS = frozenset({"start", "torque", "contact", "clock"})
+"""Hooks of laws on which a strike depends, from its back-swing to the ball's release."""
+
+FLIGHT_HOOKS = frozenset({"force"})
+"""Hooks of laws on which a flight depends, given its start."""
+
+
+@dataclass(frozen=True)
+class _Strike:
+    """Outcomes of contacts, ball times since first touch (K, T, S) and the swing (K, T, P)."""
+
+    outcome: Outcome
+    ball_since: FloatArray
+    phi: FloatArray
+    omega: FloatArray
+
+
+def _distinct(
+    terms: Sequence[BatchTerm], hooks: Set[str], own: FloatArray
+) -> tuple[LaneIndex, LaneIndex]:
+    """First lane of each kind, in order, and of each lane the place of its kind among those.
+
+    Lanes are of a kind if their own values (K, ...) and all laws with one of the hooks agree.
+    """
+    keys: list[list[object]] = [[values.tobytes()] for values in own]
+    for term in terms:
+        if hooks & term.effect.hooks:
+            for row in range(term.rows.start, term.rows.stop):
+                place = row - term.rows.start
+                mine = tuple(value[place].tobytes() for value in term.values.values())
+                keys[row].append((id(term.effect), mine))
+    kinds: dict[tuple[object, ...], int] = {}
+    first = list[int]()
+    lane = np.empty(len(keys), dtype=np.int64)
+    for row, key in enumerate(keys):
+        kind = tuple(key)
+        if kind not in kinds:
+            kinds[kind] = len(first)
+            first.append(row)
+        lane[row] = kinds[kind]
+    return np.array(first, dtype=np.int64), lane
+
+
+def _of_lanes(terms: Sequence[BatchTerm], lanes: LaneIndex) -> tuple[BatchTerm, ...]:
+    """The terms of some lanes, in order, renumbered."""
+    found = []
+    for term in terms:
+        start, stop = np.searchsorted(lanes, [term.rows.start, term.rows.stop])
+        if stop > start:
+            picked = lanes[start:stop] - term.rows.start
+            values = {name: value[picked] for name, value in term.values.items()}
+            found.append(BatchTerm(term.effect, slice(int(start), int(stop)), values))
+    return tuple(found)
+
+
+def _lanes(outcome: Outcome, lanes: LaneIndex, count: int) -> Outcome:
+    """The outcomes of some of `count` lanes."""
+    return type(outcome)(
+        **{
+            name: np.asarray(value)[lanes] if np.ndim(value) > 1 and len(value) == count else value
+            for name, value in vars(outcome).items()
+        }
+    )
+
+
+def _read_components(terms: Sequence[BatchTerm]) -> int:
+    """Components of a ball's state that are read: velocities only where images depend on them."""
+    return 6 if any("image" in term.effect.hooks for term in terms) else 3
 
 
 def _acting(terms: Sequence[BatchTerm]) -> tuple[ActingEffect, ...]:

@@ -42,16 +42,22 @@ class Trajectory:
         self.states = states
         self.rates = rates
 
-    def at(self, time: FloatArray) -> FloatArray:
+    def at(self, time: FloatArray, wanted: int | None = None) -> FloatArray:
         """States at times of shape (..., s), which may differ from trajectory to trajectory.
 
         Beyond the ends of the grid the last cubic is extrapolated.
+
+        Parameters
+        ----------
+        wanted : int, optional
+            Number of components to read, from the first one; all by default.
 
         Returns
         -------
         (c, ..., s) array
         """
         count, components = self.states.shape[0] - 1, self.states.shape[1]
+        wanted = components if wanted is None else wanted
         shape, reads = time.shape[:-1], time.shape[-1]
         many = math.prod(shape)
         step = np.broadcast_to(self.step, shape).reshape(many, 1)
@@ -64,15 +70,18 @@ class Trajectory:
         states, rates = self.states.ravel(), self.rates.ravel()
         # Component by component with flat indices: a quarter of the time of fancy indexing.
         here = cell * (components * many) + np.arange(many)[:, None]
-        values = np.empty((components, many, reads))
+        values = np.empty((wanted, many, reads))
         for component, value in enumerate(values):
+            if not (self.states[:, component].any() or self.rates[:, component].any()):
+                value[:] = 0.0
+                continue
             first = here + component * many
             after = first + components * many
             value[:] = states.take(first) * begin
             value += rates.take(first) * leaving
             value += states.take(after) * end
             value += rates.take(after) * arriving
-        return values.reshape(components, *shape, reads)
+        return values.reshape(wanted, *shape, reads)
 
 
 def runge_kutta_step(

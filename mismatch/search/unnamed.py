@@ -158,7 +158,6 @@ class PeriodicForce(UnnamedLaw):
     form: str = "horizontal"
     separating: str = "the same shot at another time of day, fans and doors shut"
     coordinate: Coordinate = Coordinate.TIME
-    sharp: bool = False
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """One frequency, any phase."""
