@@ -17,7 +17,7 @@ from mismatch.fitting.scan import scan
 from mismatch.forward import Forward
 from mismatch.search.naming import Naming
 from mismatch.search.unnamed import smooth_fields
-from mismatch.verdict import PROVED, Prediction
+from mismatch.verdict import Prediction
 from physics.domain import FloatArray
 
 __all__ = [
@@ -87,8 +87,8 @@ class NameEvidence:
         Other names in the answer.
     doubts : int
         Rules that take probability away: a further name that removes no error of predictions
-        (95 %) and no chi-square of held-out trials, each parameter at a bound, a fit that did not
-        converge, a better forbidden answer, a strength that trials do not share or leave open.
+        (95 %), each parameter at a bound, a fit that did not converge, a better forbidden answer, a
+        strength that trials do not share or leave open.
     """
 
     id: str
@@ -203,7 +203,7 @@ def evidence_for_names(
                 min(left, 1.0),
                 structure,
                 len(best.members) - 1,
-                doubts + (len(best.members) > 1 and interval[0] <= 0.0 and held < PROVED),
+                doubts + (len(best.members) > 1 and interval[0] <= 0.0),
             )
         )
     return tuple(found)

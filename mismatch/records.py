@@ -745,6 +745,7 @@ def fit_spectrum(
     rise, misfit = np.zeros_like(cost), np.zeros_like(cost)
     octaves = np.ceil(power.size * 2.0 ** np.arange(1 - PACES, 0)).astype(int)
     groups = np.split(np.argsort(np.concatenate(paces), kind="stable"), octaves)
+    groups = [group for group in groups if group.size]
     for j, share in enumerate(SHARES):
         density = (1.0 - share) * white + share * slow
         levels[:, j] = np.mean(power / density, axis=1)

@@ -26,7 +26,6 @@ from physics.effects import MEASUREMENT_IDS, Coordinate, Effect, EffectId, Level
 
 __all__ = [
     "DOUBTED",
-    "PROVED",
     "Alternative",
     "Doubt",
     "EngineVerdict",

@@ -37,6 +37,13 @@ def test_slow_noise_of_short_records_is_not_underestimated(share, rho):
     assert 0.6 * truth < np.exp(np.mean(np.log(powers))) < 1.6 * truth
 
 
+def test_a_record_of_a_few_rows_is_fitted_without_a_warning():
+    """Twenty-seven heights of a falling filter gave a warning and a misfit that is no number."""
+    for size in range(8, 30):
+        found = fit_spectrum(tracks(0.0, 0.5, (size,), size))
+        assert found is None or np.isfinite(found.misfit).all()
+
+
 def test_white_noise_has_no_memory():
     fits = [fit_spectrum(tracks(0.0, 0.5, (110, 80) * 12, seed)) for seed in range(6)]
     found = [fit.chosen(SIGNIFICANT) for fit in fits]
