@@ -13,7 +13,7 @@ import numpy as np
 
 from metrology import UsageError
 from mismatch.forward import Forward, ForwardModel
-from mismatch.search.unnamed import Bump, Magnet, smooth_fields, unnamed_laws
+from mismatch.search.unnamed import Bump, Magnet, ReadingCurve, smooth_fields, unnamed_laws
 from physics.effects import (
     CATALOGUE,
     Coordinate,
@@ -196,7 +196,7 @@ def _admissible(effect: Effect, forward: Forward, model: ForwardModel) -> bool:
         if effect.form in BETWEEN_POWERS:
             return False
         # A record has a period of its own, which is all that its clock changes.
-        return "torque" in hooks
+        return "torque" in hooks or isinstance(effect, ReadingCurve)
     if effect.form in AT_TURNS:
         return False
     if forward.mode == "flight":

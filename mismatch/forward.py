@@ -309,7 +309,7 @@ class Forward:
         times = (records.ball_time - clock, records.pendulum_time - clock)
         return ball, velocity, phi, omega, times
 
-    def _strike(self, terms: Sequence[BatchTerm], nuisance: FloatArray) -> "_Strike":
+    def _strike(self, terms: Sequence[BatchTerm], nuisance: FloatArray) -> "_StrikeLanes":
         """Swings and contacts, and the ball's times since first touch."""
         records, shape = self.records, nuisance.shape[:2]
         backswing = records.backswing + nuisance[..., 1]
@@ -329,7 +329,7 @@ class Forward:
         before = path.at(np.maximum(fall[..., None] + swing_since, 0.0))
         later = self._swing_on(terms, outcome).at(swing_since - gap[..., None])
         phi, omega = np.where(swing_since > 0.5 * gap[..., None], later, before)
-        return _Strike(outcome, ball_since, phi, omega)
+        return _StrikeLanes(outcome, ball_since, phi, omega)
 
     def _read_flight(
         self, terms: Sequence[BatchTerm], outcome: Outcome, since: FloatArray, same: LaneIndex
@@ -673,7 +673,7 @@ FLIGHT_HOOKS = frozenset({"force"})
 
 
 @dataclass(frozen=True)
-class _Strike:
+class _StrikeLanes:
     """Outcomes of contacts, ball times since first touch (K, T, S) and the swing (K, T, P)."""
 
     outcome: Outcome

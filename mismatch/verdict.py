@@ -830,7 +830,10 @@ def _like_its_weight(forward: Forward, best: Hypothesis) -> bool:
     )
     sine = np.sin(angle)
     for member in best.members:
-        if member.id != EffectId.UNNAMED or member.effect.coordinate is not Coordinate.ANGLE:
+        over_angle = (
+            member.effect.coordinate is Coordinate.ANGLE and "torque" in member.effect.hooks
+        )
+        if member.id != EffectId.UNNAMED or not over_angle:
             continue
         values = next(v for e, v in best.fit.model.entries if e is member.effect)
         torque = np.asarray(member.effect.torque(values, still), dtype=np.float64)

@@ -13,6 +13,7 @@ import numpy as np
 from mismatch.forward import Forward
 from physics.domain import FloatArray, Number, Vector
 from physics.effects import (
+    CameraView,
     Contact,
     Coordinate,
     Effect,
@@ -39,6 +40,7 @@ __all__ = [
     "PeriodicForce",
     "PlacedBrake",
     "Pull",
+    "ReadingCurve",
     "ResistanceCurve",
     "RestoringTorque",
     "SmoothCurve",
@@ -413,6 +415,10 @@ MIN_TRIALS = 6
 
 """Trials from which a drift is more than what each of them may be off by itself."""
 
+READING_WIDTH = 5e-3
+
+"""rad, a third of a degree: reading of a protractor, where no evidence has chosen another width."""
+
 WIDTH = 0.05
 
 """In weights of the ball, where no evidence has chosen it yet."""
@@ -608,6 +614,23 @@ class Drift(SmoothCurve):
         return change_restitution(contact, outcome, size)
 
 
+@dataclass(frozen=True)
+class ReadingCurve(SmoothCurve):
+    """An angle that is read off by a smooth function of itself, whichever way the body moves."""
+
+    statement: str = "The angle is read off by an error that depends on the angle itself."
+    law: str = r"\varphi_{rec} = \varphi + \sum_k c_k B_k(\varphi)"
+    phase: Phase = "measurement"
+    parameters: tuple[Parameter, ...] = _weights("error", "rad", READING_WIDTH)
+    form: str = "reading of the angle"
+    separating: str = "angles of the body at rest, set with a protractor over the whole range"
+    coordinate: Coordinate = Coordinate.ANGLE
+
+    def angle(self, values: Values, view: CameraView) -> Number:
+        """The angle plus the curve."""
+        return view.phi + self.size(values, view.phi)
+
+
 def _spline(apart: FloatArray) -> FloatArray:
     """Cardinal cubic B-spline of unit knots, one at its middle."""
     far = np.maximum(2.0 - np.abs(apart), 0.0)
@@ -689,6 +712,15 @@ def _torques(forward: Forward) -> list[SmoothCurve]:
     return found
 
 
+def _readings(forward: Forward) -> tuple[SmoothCurve, ...]:
+    """Errors of reading an angle, where angles were recorded."""
+    if not forward.records.pendulum_used.any():
+        return ()
+    angle = forward.records.pendulum_angle[forward.records.pendulum_used]
+    low, high = float(angle.min()), float(angle.max())
+    return (ReadingCurve(low=low, high=max(high, low + 1e-3)),)
+
+
 def _drifts(forward: Forward) -> list[SmoothCurve]:
     if forward.records.trials < MIN_TRIALS:
         return []
@@ -703,11 +735,11 @@ def _drifts(forward: Forward) -> list[SmoothCurve]:
 def smooth_fields(forward: Forward) -> tuple[SmoothCurve, ...]:
     """Every smooth field that makes sense for a campaign."""
     if forward.mode == "swing":
-        # Over many periods a curve takes up any sum of losses and what a record's own errors leave:
+        # Over many periods a torque takes up any sum of losses and what a record's errors leave:
         # it fitted an encoder's swings better than dry friction did, and predicted them worse.
-        return ()
+        return _readings(forward)
     forces = [*_forces(forward), *_resistances(forward)]
     if forward.mode == "flight":
         return tuple(forces)
     swings = _torques(forward) if forward.records.pendulum_used.any() else []
-    return (*forces, *swings, *_drifts(forward))
+    return (*forces, *swings, *_drifts(forward), *_readings(forward))

@@ -148,7 +148,8 @@ def figure_of(explained: ExplainedCampaign | TableExplained) -> Picture:
                 _binned(forward, best.fit, channel, axis, "tab:blue", " + ".join(best.ids))
             axis.axhline(0.0, color="0.6", lw=0.8)
             axis.set_ylabel(f"{('x', 'y', 'z', 'angle')[channel]}: mean residual / sigma")
-            axis.set_xlabel("time after first touch / s")
+            since = "touch" if forward.mode == "impact" else "sample"
+            axis.set_xlabel(f"time after first {since} / s")
             axis.locator_params(axis="x", nbins=6)
             axis.legend(fontsize=8)
         else:
@@ -605,6 +606,8 @@ def _banded(
     middle = [float(values[name]) for name in names]
     spread = fit.reduced_chi2 * fit.covariance[np.ix_(own, own)]
     draws = np.random.default_rng(5).multivariate_normal(middle, spread, LAW_DRAWS)
+    bounds = [(fit.free[k].parameter.lower, fit.free[k].parameter.upper) for k in own]
+    draws = np.clip(draws, *np.array(bounds).T) if bounds else draws
     moved = np.array([means(values | dict(zip(names, draw, strict=True))) for draw in draws])
     low, high = np.quantile(moved, [0.025, 0.975], axis=0)
     what = "an uncatalogued force" if effect.id == EffectId.UNNAMED else effect.id.replace("_", " ")

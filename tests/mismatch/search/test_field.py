@@ -7,9 +7,18 @@ import pytest
 
 from mismatch import explain
 from mismatch.candidates import candidates_for
+from mismatch.fitting.hypotheses import fit_hypothesis
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import scan
-from mismatch.search.unnamed import KNOTS, Drift, Field, SmoothCurve, TorqueField
+from mismatch.search.unnamed import (
+    KNOTS,
+    Drift,
+    Field,
+    ReadingCurve,
+    SmoothCurve,
+    TorqueField,
+)
+from mismatch.verdict import _like_its_weight
 from physics.effects import Coordinate, Effect, FlightState, Parameter
 from physics.effects.impact import change_restitution
 from tests.mismatch.synthetic import struck_campaign
@@ -58,10 +67,19 @@ def test_a_curve_is_not_named_when_nothing_is_missing():
         if isinstance(c.effect, SmoothCurve)
     ]
     scored = scan(known.forward, known.fit, pool).with_likely_widths()
-    assert len(pool) == 18
+    assert len(pool) == 19
     assert all(
         scored.gain(k)[0] - c.complexity_penalty < 5.0 for k, c in enumerate(scored.candidates)
     )
+
+
+def test_an_error_of_reading_is_no_torque_of_the_pendulums_weight():
+    known = prepare(*struck_campaign(seed=4, trials=3))
+    pool = candidates_for(known.forward, known.model, [])
+    reading = next(c for c in pool if isinstance(c.effect, ReadingCurve))
+    strengths = np.full(len(reading.effect.strengths), 1e-3)
+    read = fit_hypothesis(known.forward, known.fit, [reading], [strengths], rounds=1)
+    assert not _like_its_weight(known.forward, read)
 
 
 @dataclass(frozen=True)
