@@ -114,7 +114,7 @@ def parse_quantity(text: str | float, unit: str) -> float:
     """
     if isinstance(text, int | float) and not isinstance(text, bool):
         return _finite(float(text), str(text), unit)
-    match = _NUMBER_AND_UNIT.fullmatch(str(text).strip())
+    match = _NUMBER_AND_UNIT.fullmatch(_with_decimal_points(str(text).strip()))
     if match is None:
         raise _no_quantity(str(text), unit)
     numerator, denominator, unit_text = match.groups()
@@ -130,6 +130,23 @@ def parse_quantity(text: str | float, unit: str) -> float:
     except Exception as problem:
         raise _no_quantity(str(text), unit) from problem
     return _finite(magnitude, str(text), unit)
+
+
+_DECIMAL_COMMA = re.compile(r"(?<![\d.,])(\d*),(\d+)(?![\d.,])")
+
+
+def _with_decimal_points(text: str) -> str:
+    """Text with decimal commas as points; ``1,500``, which may be a thousand, is left as it is."""
+
+    def point(found: re.Match[str]) -> str:
+        thousand = len(found[2]) == _THOUSAND_DIGITS and found[1].lstrip("0") != ""
+        return found[0] if thousand else f"{found[1]}.{found[2]}"
+
+    return _DECIMAL_COMMA.sub(point, text)
+
+
+_THOUSAND_DIGITS = 3
+"""Digits behind a comma that may separate thousands (convention)."""
 
 
 def _finite(value: float, text: str, unit: str) -> float:
@@ -210,6 +227,7 @@ def parse_measured(text: str | float, unit: str) -> tuple[float, float | None]:
 
 
 def _value_and_std(value: str, spread: str, unit: str, text: str) -> tuple[float, float]:
+    value, spread = _with_decimal_points(value), _with_decimal_points(spread)
     left, right = _NUMBER_AND_UNIT.fullmatch(value), _NUMBER_AND_UNIT.fullmatch(spread)
     if left is None or right is None:
         raise _no_quantity(text, unit)

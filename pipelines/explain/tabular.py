@@ -263,6 +263,7 @@ def _read(path: Path, words: Sequence[str], notes: list[str], most: int | None) 
     mark = _separator(lines[0])
     header = [name.strip() for name in _fields([lines[0]], mark)[0]]
     _refuse_doubles(header, path.name)
+    _refuse_open_quotes(path)
     _refuse_long_rows(path, lines[1 : CHECKED_LINES + 1], header, mark)
     if mark != ",":
         notes.append(f"{path.name}: columns are separated by {SEPARATORS[mark]}")
@@ -373,6 +374,18 @@ def _fields(lines: Iterable[str], mark: str) -> list[list[str]]:
         return list(csv.reader(lines, delimiter=mark)) or [[""]]
     except csv.Error:
         return [[""]]
+
+
+def _refuse_open_quotes(path: Path) -> None:
+    """Refuse a quote that is not closed in its line: it would swallow the lines that follow."""
+    with path.open("rb") as file:
+        for number, line in enumerate(file, start=1):
+            if line.count(b'"') % 2:
+                raise UsageError(
+                    f"can't read {path}: the quotation mark in line {number} is not closed, and"
+                    " would join the lines that follow into one cell",
+                    hint='Remove the quotation mark (") in that line, or close it there.',
+                )
 
 
 def _refuse_doubles(names: Sequence[str], what: str) -> None:

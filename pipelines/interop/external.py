@@ -3,6 +3,7 @@
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from enum import StrEnum
 from pathlib import Path
 from typing import Self
@@ -38,6 +39,15 @@ IntArray = NDArray[np.int64]
 BALL, PENDULUM = "ball", "pendulum"
 
 """Object names of the track table of `vision measure`."""
+
+
+_CALLED = {
+    BALL: frozenset({"ball", "kugel", "balle", "ballon", "pelota", "balón", "bola", "palla"}),
+    PENDULUM: frozenset(
+        {"pendulum", "mass", "hammer", "bob", "pendel", "masse", "pendule", "marteau", "péndulo"}
+    ),
+}
+"""Names of tracks that need no `--columns`."""
 
 
 class Program(StrEnum):
@@ -186,12 +196,19 @@ class ExternalTracks:
         names = [one.name for one in self.tracks]
         if kind in columns:
             if columns[kind] not in names:
+                folded = {name.strip().casefold(): name for name in names}
+                wanted = columns[kind].strip().casefold()
+                if wanted in folded:
+                    return folded[wanted]
+                alike = get_close_matches(wanted, folded, n=1)
+                meant = f"Did you mean {folded[alike[0]]!r}? " if alike else ""
                 raise UsageError(
                     f"{self.path.name} has no track {columns[kind]!r}",
-                    hint=f"It has: {', '.join(repr(name) for name in names)}.",
+                    hint=f"{meant}It has: {', '.join(repr(name) for name in names)}.",
                 )
             return columns[kind]
-        return next((name for name in names if name.strip().lower() == kind), None)
+        called = [name for name in names if name.strip().casefold() in _CALLED[kind]]
+        return called[0] if len(called) == 1 else None
 
 
 def as_track_table(external: ExternalTracks) -> pd.DataFrame:

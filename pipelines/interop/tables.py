@@ -7,12 +7,14 @@ asked once.
 
 import csv
 import io
+import pickletools
 import re
 import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,6 +22,7 @@ import tomli_w
 from numpy.typing import NDArray
 
 from metrology import Defaults, UsageError, parse_quantity, write_text_whole
+from pipelines.checker.fall import units_by_fall
 from pipelines.interop.external import (
     ExternalTrack,
     ExternalTracks,
@@ -27,6 +30,7 @@ from pipelines.interop.external import (
     Program,
     read_bytes,
 )
+from pipelines.interop.headers import find_header, positions_of, read_clock, time_column
 from pipelines.interop.projects import CORNER_PX
 from pipelines.terminal import screen
 
@@ -178,6 +182,8 @@ def ask_columns(header: Sequence[str], said: Mapping[str, str], table: str) -> d
         The columns given, with the answers.
     """
     answers = dict(said)
+    if not {"x", "y"} & answers.keys() and positions_of(header):
+        return answers
     if not header or not (sys.stdin.isatty() and sys.stderr.isatty()):
         return answers
     errors = screen(errors=True)
@@ -260,7 +266,8 @@ def read_table_of_tracks(path: Path, said: Mapping[str, str]) -> ExternalTracks:
     Parameters
     ----------
     path : Path
-        CSV, TSV or text (any separator, decimal point or comma), XLSX, or SLEAP's HDF5.
+        CSV, TSV or text (any separator, decimal point or comma), XLSX, or the HDF5 of SLEAP or
+        DeepLabCut.
     said : mapping of str to str
         Meaning of columns with ambiguous names (`columns.parse_columns`).
 
@@ -271,7 +278,7 @@ def read_table_of_tracks(path: Path, said: Mapping[str, str]) -> ExternalTracks:
     """
     suffix = path.suffix.lower()
     if suffix in HDF5_SUFFIXES:
-        return _sleap_h5(path)
+        return _hdf5(path)
     if suffix == ".xlsx":
         return _spreadsheet(_sheet(path), path, said)
     text = _decoded(read_bytes(path, "a table of tracks"))
@@ -382,7 +389,7 @@ def _is_tracker_text(lines: Sequence[str]) -> bool:
     if len(lines) < at + 3:
         return False
     names, header = lines[at], lines[at + 1]
-    heads = re.split(r"[\t,; ]", header.strip())
+    heads = [_head(head) for head in re.split(r"[\t,;]", header.strip())]
     others = re.split(r"[\t,;]", names)
     return (
         heads[0] == "t"
@@ -422,6 +429,9 @@ def _frame_of(lines: Sequence[str], path: Path) -> pd.DataFrame:
         # the header itself is a comment, as in numpy.savetxt
         at -= 1
         lines = [*lines[:at], lines[at].lstrip("#%/ "), *lines[at + 1 :]]
+    mark = _separator(lines[at])
+    cells = [re.split(mark, line.strip()) for line in lines[at : at + _HEADER_SEARCH_LINES]]
+    at += find_header(cells)
     try:
         with warnings.catch_warnings():
             # rows longer than the header: pandas would drop the surplus cells
@@ -449,8 +459,12 @@ def _frame_of(lines: Sequence[str], path: Path) -> pd.DataFrame:
             f" rows{_quote_text(lines, at)}",
             hint="Remove the stray quotation mark: it joins lines into one cell.",
         )
-    table.columns = [str(name).strip() for name in table.columns]
+    table.columns = pd.Index([str(name).strip() for name in table.columns])
     return _with_point_decimals(table)
+
+
+_HEADER_SEARCH_LINES = 14
+"""Lines in which the header is searched (chosen: programs write up to ten above it)."""
 
 
 def _quote_text(lines: Sequence[str], at: int) -> str:
@@ -463,14 +477,23 @@ def _quote_text(lines: Sequence[str], at: int) -> str:
 def _sheet(path: Path) -> pd.DataFrame:
     read_bytes(path, "a spreadsheet")
     try:
-        table = pd.read_excel(path)
+        table = pd.read_excel(path, header=None, dtype=object).dropna(how="all")
     # openpyxl raises many types on damaged files
     except Exception as problem:
         raise UsageError(
             f"{path} is not a spreadsheet: {problem}", hint="Save it again as .xlsx or .csv."
         ) from problem
-    table.columns = [str(name).strip() for name in table.columns]
-    return _with_point_decimals(table.dropna(how="all"))
+    head = table.head(_HEADER_SEARCH_LINES).map(lambda cell: "" if pd.isna(cell) else str(cell))
+    at = find_header(head.to_numpy().tolist())
+    if table.empty:
+        return table
+    names = [
+        f"Unnamed: {number}" if pd.isna(name) else str(name).strip()
+        for number, name in enumerate(table.iloc[at])
+    ]
+    table = table.iloc[at + 1 :].reset_index(drop=True)
+    table.columns = pd.Index(names)
+    return _with_point_decimals(table.infer_objects())
 
 
 def _values(table: pd.DataFrame, name: str) -> FloatArray:
@@ -560,23 +583,140 @@ def _spreadsheet(table: pd.DataFrame, path: Path, said: Mapping[str, str]) -> Ex
         return _trackpy(table, path)
     if {"object", "frame", "t_s", "x_px", "y_px"} <= names:
         return _own(table, path)
-    use = column_use(list(table.columns), said, path.name)
-    parts = [("", table)]
-    if "object" in use.columns:
-        parts = [(str(name), rows) for name, rows in table.groupby(use.columns["object"])]
+    uses = _uses(list(table.columns), said, path.name)
+    marks: list[_Marks] = []
+    for name, use in uses:
+        parts = [(name, table)]
+        if "object" in use.columns:
+            parts = [(str(one), rows) for one, rows in table.groupby(use.columns["object"])]
+        marks += [_marks(one or path.stem, rows, use, said) for one, rows in parts]
+    notes = list(dict.fromkeys(one.note for one in marks if one.note))
+    metre, second = uses[0][1].metre, uses[0][1].second
+    if (
+        metre is None
+        and "unit" not in said
+        and all(unit_of(use.columns["x"]) is None for _, use in uses)
+    ):
+        times = ("s",) if _states_seconds(uses[0][1], said) else ("s", "ms")
+        found = units_by_fall([one.for_units() for one in marks if one.time is not None], times)
+        if found is not None:
+            metre, second = parse_quantity(f"1 {found.length}", "m"), second * _TIMES_S[found.time]
+            notes.append(found.note(path.name))
+    factor = second / uses[0][1].second
     tracks = []
-    for name, rows in parts:
-        place = np.column_stack([_values(rows, use.columns[key]) for key in "xy"])
-        if use.metre is not None:
-            place = _table_plane().pixels(place * use.metre)
-        clock = [
-            None if key not in use.columns else _values(rows, use.columns[key])
-            for key in ("frame", "t")
+    for one in marks:
+        place = one.place if metre is None else _table_plane().pixels(one.place * metre)
+        time = None if one.time is None else one.time * factor
+        notes += one.unread()
+        tracks.append(_track(one.name, place, one.frame, time))
+    plane = None if metre is None else _table_plane()
+    return _found(path, Program.TABLE, tracks, plane, notes)
+
+
+_TIMES_S = {"s": 1.0, "ms": 1e-3}
+
+
+@dataclass(frozen=True)
+class _Marks:
+    """Rows of one object, as in the table but with times in seconds."""
+
+    name: str
+    place: FloatArray
+    frame: FloatArray | None
+    time: FloatArray | None
+    note: str = ""
+
+    def for_units(self) -> tuple[FloatArray, FloatArray]:
+        """Times and places of the complete rows, in order."""
+        assert self.time is not None
+        rows = np.isfinite(self.place).all(axis=1) & np.isfinite(self.time)
+        time, first = np.unique(self.time[rows], return_index=True)
+        return time, self.place[rows][first]
+
+    def unread(self) -> list[str]:
+        """What happens to rows that give no mark."""
+        key = self.time if self.frame is None else self.frame
+        assert key is not None
+        whole = np.isfinite(self.place).all(axis=1) & np.isfinite(key)
+        lacking, again = int((~whole).sum()), int(whole.sum() - len(np.unique(key[whole])))
+        said = []
+        if lacking:
+            said.append(
+                f"{self.name}: {lacking} of {len(whole)} rows have no position or time and are"
+                " skipped."
+            )
+        if again:
+            stamp = "time" if self.frame is None else "frame"
+            said.append(
+                f"{self.name}: {again} of {len(whole)} rows repeat the {stamp} of an earlier row"
+                " and are skipped."
+            )
+        return said
+
+
+def _marks(name: str, rows: pd.DataFrame, use: ColumnUse, said: Mapping[str, str]) -> _Marks:
+    place = np.column_stack([_values(rows, use.columns[key]) for key in "xy"])
+    frame = _values(rows, use.columns["frame"]) if "frame" in use.columns else None
+    if "t" not in use.columns:
+        return _Marks(name, place, frame, None)
+    column = use.columns["t"]
+    clock = read_clock(rows[column], said.get("t_unit") or unit_of(column))
+    if clock is not None:
+        return _Marks(name, place, frame, _even(clock.seconds), clock.note)
+    return _Marks(name, place, frame, _even(_values(rows, column) * use.second))
+
+
+def _even(time: FloatArray) -> FloatArray:
+    """Times of an even clock where the stamps are that clock's, rounded.
+
+    A program that writes milliseconds of 600 pictures per second steps by 1 and 2 ms.
+    """
+    rows = np.flatnonzero(np.isfinite(time))
+    if len(rows) < _MIN_CLOCK_ROWS or np.any(np.diff(time[rows]) <= 0.0):
+        return time
+    steps = np.diff(time[rows])
+    resolution = float(np.max(steps) - np.min(steps))
+    fitted = np.polynomial.Polynomial.fit(np.arange(len(rows)), time[rows], 1)(np.arange(len(rows)))
+    # Rounding to r makes steps that differ by r, and stamps that deviate by less than r.
+    if resolution > 0.75 * float(np.mean(steps)) or np.ptp(time[rows] - fitted) > 1.05 * resolution:
+        return time
+    even = time.copy()
+    even[rows] = fitted
+    return even
+
+
+_MIN_CLOCK_ROWS = 8
+"""Rows of a clock that may be rounded (chosen)."""
+
+
+def _states_seconds(use: ColumnUse, said: Mapping[str, str]) -> bool:
+    return "t_unit" in said or "t" not in use.columns or unit_of(use.columns["t"]) is not None
+
+
+def _uses(
+    header: Sequence[str], said: Mapping[str, str], table: str
+) -> list[tuple[str, ColumnUse]]:
+    """Use of the columns for each object that has its own ones, with its name.
+
+    Raises
+    ------
+    UsageError
+        As `column_use`.
+    """
+    try:
+        return [("", column_use(header, said, table))]
+    except UsageError:
+        pairs = () if {"x", "y"} & said.keys() else positions_of(header)
+        if not pairs:
+            raise
+        stated = dict(said)
+        clock = time_column(header)
+        if clock is not None and not {"t", "frame"} & stated.keys():
+            stated["t"] = clock
+        return [
+            (pair.name, column_use(header, {**stated, "x": pair.x, "y": pair.y}, table))
+            for pair in pairs
         ]
-        time = None if clock[1] is None else clock[1] * use.second
-        tracks.append(_track(name or path.stem, place, clock[0], time))
-    plane = None if use.metre is None else _table_plane()
-    return _found(path, Program.TABLE, tracks, plane)
 
 
 def _trackpy(table: pd.DataFrame, path: Path) -> ExternalTracks:
@@ -615,6 +755,7 @@ def _tracker_text(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> 
     while heads and not heads[-1]:
         heads.pop()
     over = [part.strip() for part in re.split(mark, lines[at])]
+    stated = said.get("unit")
     table = pd.DataFrame(
         [
             [part.strip() for part in re.split(mark, line.strip(" \r\n"))][: len(heads)]
@@ -622,13 +763,11 @@ def _tracker_text(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> 
         ]
     )
     table = _with_point_decimals(table.replace("", None))
-    names = [name for name in over if name] or ["mass A"]
-    width = max(1, (len(heads) - 1) // len(names))
-    time = _values(table, 0)  # type: ignore[arg-type]
-    tracks, plane = [], None
-    for number, name in enumerate(names):
-        first = 1 + number * width
-        own = {head: first + k for k, head in enumerate(heads[first : first + width])}
+    time = _even(_values(table, 0))  # type: ignore[arg-type]
+    marks: list[tuple[str, FloatArray | None, FloatArray]] = []
+    plane = None
+    for name, first, end in _spans(over, heads):
+        own = {_head(head): first + k for k, head in enumerate(heads[first:end])}
         frame = _values(table, own["frame"]) if "frame" in own else None  # type: ignore[arg-type]
         if {"pixelx", "pixely"} <= own.keys():
             kind, shift = ("pixelx", "pixely"), CORNER_PX
@@ -642,9 +781,53 @@ def _tracker_text(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> 
         place = np.column_stack([_values(table, own[part]) for part in kind])  # type: ignore[arg-type]
         if shift == 0.0:
             plane = _table_plane()
-            place = plane.pixels(place * _metre(said))
-        tracks.append(_track(name, place - shift, frame, time))
-    return _found(path, Program.TRACKER, tracks, plane)
+            stated = stated or unit_of(heads[own["x"]])
+        marks.append((name, frame, place - shift))
+    notes: list[str] = []
+    metre = 1.0
+    if plane is not None:
+        metre, notes = _tracker_unit(marks, time, stated, path.name)
+    tracks = []
+    for name, frame, place in marks:
+        notes += _Marks(name, place, frame, time).unread()
+        if plane is not None:
+            place = plane.pixels(place * metre)
+        tracks.append(_track(name, place, frame, time))
+    return _found(path, Program.TRACKER, tracks, plane, notes)
+
+
+def _tracker_unit(
+    marks: Sequence[tuple[str, FloatArray | None, FloatArray]],
+    time: FloatArray,
+    stated: str | None,
+    table: str,
+) -> tuple[float, list[str]]:
+    """Metres per unit: stated, by free fall, or the metre, which is Tracker's default."""
+    if stated is not None:
+        return parse_quantity(f"1 {stated}", "m"), []
+    found = units_by_fall([_Marks(name, place, None, time).for_units() for name, _, place in marks])
+    if found is None or found.length == "m":
+        return 1.0, []
+    return parse_quantity(f"1 {found.length}", "m"), [found.note(table)]
+
+
+def _head(head: str) -> str:
+    """A column's name without its unit."""
+    return re.sub(r"\s*[\(\[].*", "", head).strip()
+
+
+def _spans(over: Sequence[str], heads: Sequence[str]) -> list[tuple[str, int, int]]:
+    """Name, first and end column of each mass: names stand above their first column."""
+    names = [(name, at) for at, name in enumerate(over) if name] or [("mass A", 1)]
+    starts = [at for _, at in names]
+    ends = [*starts[1:], len(heads)]
+    found = [(name, at, end) for (name, at), end in zip(names, ends, strict=True)]
+    if starts[0] >= 1 and all(
+        {"x", "pixelx"} & set(map(_head, heads[at:end])) for _, at, end in found
+    ):
+        return found
+    width = max(1, (len(heads) - 1) // len(names))
+    return [(name, 1 + k * width, 1 + (k + 1) * width) for k, (name, _) in enumerate(names)]
 
 
 def _metre(said: Mapping[str, str]) -> float:
@@ -761,35 +944,109 @@ def _sleap(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> Externa
     return _found(path, Program.SLEAP, tracks)
 
 
-def _sleap_h5(path: Path) -> ExternalTracks:
-    """SLEAP's analysis HDF5: ``tracks`` (animals, 2, nodes, frames)."""
+def _hdf5(path: Path) -> ExternalTracks:
+    """SLEAP's analysis file, or what DeepLabCut writes with pandas."""
     try:
         import h5py
     except ImportError as problem:
         raise UsageError(
             f"{path}: reading HDF5 needs the package h5py",
-            hint="pip install 'impact-vision[sleap]', or export CSV:"
-            " sleap-convert --format analysis.csv.",
+            hint="pip install 'impact-vision[sleap]' (for DeepLabCut, too), or pass a CSV file:"
+            " DeepLabCut writes one next to it; sleap-convert --format analysis.csv.",
         ) from problem
     try:
         with h5py.File(path) as file:
-            if "tracks" not in file:
-                raise UsageError(
-                    f"{path} is not an analysis file of SLEAP: it has no data set `tracks`",
-                    hint="For DeepLabCut, pass the CSV file.",
-                )
-            places = np.asarray(file["tracks"], dtype=float)
-            names = [
-                [bytes(one).decode("utf-8", "replace") for one in np.asarray(file[key]).ravel()]
-                if key in file
-                else []
-                for key in ("track_names", "node_names")
-            ]
-    except OSError as problem:
+            if "tracks" in file:
+                return _sleap_h5(file, path)
+            for group in file.values():
+                if isinstance(group, h5py.Group) and "pandas_type" in group.attrs:
+                    return _deeplabcut_h5(group, path)
+    except UsageError:
+        raise
+    # h5py passes on what the library and damaged contents raise
+    except (OSError, RuntimeError, ValueError, TypeError, LookupError) as problem:
         raise UsageError(
             f"{path} is not a complete HDF5 file: {problem}",
-            hint="Export it again: sleap-convert --format analysis.",
+            hint="Export it again, or pass the CSV file that DeepLabCut writes next to it.",
         ) from problem
+    raise UsageError(
+        f"{path} is neither an analysis file of SLEAP nor DeepLabCut's",
+        hint="Pass the .h5 file of DeepLabCut's analyze_videos, or of sleap-convert --format"
+        " analysis.",
+    )
+
+
+def _deeplabcut_h5(group: Any, path: Path) -> ExternalTracks:
+    """A table of pandas with the levels scorer, (individuals,) bodyparts and coords."""
+    heads, values, frames = _pandas_table(group)
+    if not heads or len(heads) != values.shape[1] or len(frames) != len(values):
+        raise UsageError(
+            f"{path}: its table can't be read",
+            hint="Pass the CSV file that DeepLabCut writes next to it.",
+        )
+    columns: dict[str, dict[str, int]] = {}
+    for number, head in enumerate(heads):
+        columns.setdefault(" ".join(head[1:-1]), {})[head[-1]] = number
+    tracks, ignored = [], 0
+    for name, own in columns.items():
+        if not {"x", "y"} <= own.keys():
+            continue
+        place = values[:, [own["x"], own["y"]]]
+        if "likelihood" in own:
+            unsure = values[:, own["likelihood"]] < MIN_LIKELIHOOD
+            ignored += int(unsure.sum())
+            place = np.where(unsure[:, np.newaxis], np.nan, place)
+        tracks.append(_track(name, place, frames))
+    return _found(path, Program.DEEPLABCUT, tracks, None, _unlikely(ignored))
+
+
+def _pandas_table(group: Any) -> tuple[list[tuple[str, ...]], FloatArray, FloatArray]:
+    """Names of the columns, cells and row numbers of a stored table, without unpickling."""
+    if "table" in group:
+        rows = np.asarray(group["table"])
+        values = np.asarray(rows["values_block_0"], dtype=float)
+        # The names are a pickle: its strings are read, nothing in it is called.
+        words = [
+            str(argument)
+            for _, argument, _ in pickletools.genops(bytes(group.attrs["non_index_axes"]))
+            if isinstance(argument, str)
+        ]
+        return _heads_of(words, values.shape[1]), values, np.asarray(rows["index"], dtype=float)
+    levels = int(group.attrs["axis0_nlevels"])
+    names = [
+        [bytes(one).decode("utf-8", "replace") for one in np.asarray(group[f"axis0_level{k}"])]
+        for k in range(levels)
+    ]
+    labels = [np.asarray(group[f"axis0_label{k}"]) for k in range(levels)]
+    heads = [
+        tuple(name[int(label[j])] for name, label in zip(names, labels, strict=True))
+        for j in range(len(labels[0]))
+    ]
+    values = np.asarray(group["block0_values"], dtype=float)
+    return heads, values, np.asarray(group["axis1"], dtype=float)
+
+
+def _heads_of(words: Sequence[str], count: int) -> list[tuple[str, ...]]:
+    """Names of columns from the strings of a pickle, which stores a repeated one once."""
+    coords = [word for word in words if word in ("x", "y", "likelihood")]
+    parts = [word for word in words if word not in ("x", "y", "likelihood") and word.isprintable()]
+    kinds = list(dict.fromkeys(coords))
+    # The first string is the scorer; the others are the body parts in order.
+    named = list(dict.fromkeys(parts))
+    if len(kinds) * (len(named) - 1) != count:
+        return []
+    return [(named[0], part, kind) for part in named[1:] for kind in kinds]
+
+
+def _sleap_h5(file: Any, path: Path) -> ExternalTracks:
+    """SLEAP's analysis HDF5: ``tracks`` (animals, 2, nodes, frames)."""
+    places = np.asarray(file["tracks"], dtype=float)
+    names = [
+        [bytes(one).decode("utf-8", "replace") for one in np.asarray(file[key]).ravel()]
+        if key in file
+        else []
+        for key in ("track_names", "node_names")
+    ]
     if places.ndim != 4 or places.shape[1] != 2:
         raise UsageError(
             f"{path}: `tracks` is not (animals, 2, nodes, frames)",

@@ -44,7 +44,7 @@ def test_units_agree_with_the_si_brochure(text: str | float, unit: str, value: f
 
 @pytest.mark.parametrize(
     "text",
-    ["", " ", "m", "50 kg", "50 mmm", "1,5 m", "1 m 2", "1e400 m", "nan", "inf m", "0x10 m",
+    ["", " ", "m", "50 kg", "50 mmm", "1,500 m", "1 m 2", "1e400 m", "nan", "inf m", "0x10 m",
      "1/0 m", "1 m; import os", "--5 m", "1 m^^2", "1 m" * 200],
 )  # fmt: skip
 def test_an_invalid_length_is_refused(text: str) -> None:

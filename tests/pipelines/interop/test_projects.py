@@ -305,7 +305,7 @@ def test_without_a_clip_nobody_is_asked_to_light_its_wall(tmp_path) -> None:
     from pipelines.api.quantities import measure_options
 
     told = " ".join(measure_from_tracks(path, measure_options(fps="240")).warnings)
-    assert "there is no picture of the wall. Give the clip, too" in told
+    assert "there is no picture of the wall. Pass the clip, too" in told
     assert "Light" not in told
 
 

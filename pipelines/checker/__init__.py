@@ -1,0 +1,1 @@
+"""Contradictions among the inputs of a measurement, with cause and cure."""

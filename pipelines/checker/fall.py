@@ -1,0 +1,168 @@
+"""Find the free flight in a track and its acceleration, whatever the units."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metrology import Defaults
+
+__all__ = ["Fall", "TableUnits", "find_fall", "units_by_fall"]
+
+FloatArray = NDArray[np.float64]
+
+_FRACTIONS = (1.0, 0.85, 0.7, 0.6, 0.5, 0.4, 0.32, 0.25, 0.2, 0.15, 0.1)
+"""Lengths of the windows tried, fractions of the track (chosen: steps of a fifth)."""
+
+_MIN_ROWS = 10
+"""Rows of a window (chosen: seven more than a parabola has parameters)."""
+
+_MAX_NOISE_RATIO = 1.6
+"""Residuals over the noise of a window that is a parabola (chosen: drag and rounding add some)."""
+
+_MIN_SIGNIFICANCE = 12.0
+"""Acceleration over its standard uncertainty (chosen: less can't tell inches from centimetres)."""
+
+
+@dataclass(frozen=True)
+class Fall:
+    """A flight.
+
+    Attributes
+    ----------
+    first, last : int
+        Rows of the track.
+    acceleration : (2,) array
+        Along both axes, units of the table.
+    std : float
+        Standard uncertainty of each.
+    """
+
+    first: int
+    last: int
+    acceleration: FloatArray
+    std: float
+
+
+def find_fall(time: FloatArray, place: FloatArray) -> Fall | None:
+    """The longest part of a track that is a parabola with a clear acceleration.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Increasing.
+    place : (N, 2) array
+
+    Returns
+    -------
+    Fall or None
+        None if there is no such part.
+    """
+    noise = _noise(place)
+    count = len(time)
+    for length in sorted(
+        {max(_MIN_ROWS, round(part * count)) for part in _FRACTIONS}, reverse=True
+    ):
+        found = [
+            fall
+            for first in range(0, count - length + 1, max(1, length // 10))
+            if (fall := _parabola(time, place, first, first + length, noise)) is not None
+        ]
+        if found:
+            return max(found, key=lambda fall: float(np.abs(fall.acceleration).max()) / fall.std)
+    return None
+
+
+def _noise(place: FloatArray) -> FloatArray:
+    """Standard deviation along each axis from third differences, which remove smooth motion."""
+    third = np.abs(np.diff(place, n=3, axis=0))
+    if not len(third):
+        return np.zeros(2)
+    scatter = 1.4826 * np.median(third, axis=0) / np.sqrt(20.0)
+    return np.asarray(np.maximum(scatter, 1e-9 * max(float(np.ptp(place)), 1e-300)))
+
+
+def _parabola(
+    time: FloatArray, place: FloatArray, first: int, end: int, noise: FloatArray
+) -> Fall | None:
+    t = time[first:end]
+    half = 0.5 * float(t[-1] - t[0])
+    if not half > 0.0:
+        return None
+    s = (t - t.mean()) / half
+    design = np.column_stack([np.ones_like(s), s, s**2])
+    inverse = np.linalg.inv(design.T @ design)
+    fitted = inverse @ design.T @ place[first:end]
+    rest = place[first:end] - design @ fitted
+    rms = np.sqrt((rest**2).sum(axis=0) / (len(s) - 3))
+    if np.any(rms > _MAX_NOISE_RATIO * noise):
+        return None
+    acceleration = 2.0 * fitted[2] / half**2
+    std = 2.0 * float(np.sqrt(inverse[2, 2]) * np.max(np.maximum(rms, noise))) / half**2
+    if float(np.abs(acceleration).max()) < _MIN_SIGNIFICANCE * std:
+        return None
+    return Fall(first, end - 1, acceleration, std)
+
+
+_LENGTHS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
+_TIMES_S = {"s": 1.0, "ms": 1e-3}
+
+_MAX_GRAVITY_DEVIATION = 0.06
+"""Relative deviation of a fall from gravity (chosen: a stick's scale and drag are within 3 %; the
+units nearest to each other differ by a factor of 2.5)."""
+
+
+@dataclass(frozen=True)
+class TableUnits:
+    """Units of a table that make its flight a free fall.
+
+    Attributes
+    ----------
+    length, time : str
+        "cm", "s".
+    acceleration : float
+        Downwards, in these units.
+    """
+
+    length: str
+    time: str
+    acceleration: float
+
+    def note(self, table: str) -> str:
+        """What was concluded, and how to override it."""
+        return (
+            f"{table} states no unit. Its flight falls with {self.acceleration:.4g}"
+            f" {self.length}/{self.time}²: the unit is {self.length}. Pass"
+            f" --columns unit={self.length} to state it."
+        )
+
+
+def units_by_fall(
+    tracks: Sequence[tuple[FloatArray, FloatArray]], times: Sequence[str] = ("s",)
+) -> TableUnits | None:
+    """Units with which a track falls upright with g; None if none or several do.
+
+    In images y points down: a table whose objects fall to larger y is in pixels.
+
+    Parameters
+    ----------
+    tracks : sequence of (time, place)
+    times : sequence of str
+        Possible units of the time.
+    """
+    found: dict[tuple[str, str], float] = {}
+    for time, place in tracks:
+        fall = find_fall(time, place) if len(time) >= _MIN_ROWS else None
+        if fall is None:
+            continue
+        down = -float(fall.acceleration[1])
+        for length, metre in _LENGTHS_M.items():
+            for unit in times:
+                ratio = down * metre / _TIMES_S[unit] ** 2 / Defaults.GRAVITY.known
+                if abs(ratio - 1.0) < _MAX_GRAVITY_DEVIATION:
+                    found[length, unit] = down
+    if len(found) != 1:
+        return None
+    (length, unit), down = next(iter(found.items()))
+    return TableUnits(length, unit, down)

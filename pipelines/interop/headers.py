@@ -1,0 +1,238 @@
+"""Determine what the columns of any table are: time, positions, objects, units.
+
+Names are compared word by word, without units, run numbers and the words with which programs
+describe a position, in English, German, French and Spanish. What remains names the object.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+__all__ = [
+    "AxisColumns",
+    "Clock",
+    "find_header",
+    "positions_of",
+    "read_clock",
+    "time_column",
+]
+
+FloatArray = NDArray[np.float64]
+
+
+def _set(words: str) -> frozenset[str]:
+    return frozenset(words.split())
+
+
+_TIME = _set("t time times zeit temps tiempo tempo seconds sekunden timestamp")
+
+_AXES = {
+    "x": _set("x horizontal horizontale abscisse"),
+    "y": _set("y vertical vertikal verticale hohe höhe height hauteur altura altezza"),
+}
+
+_DESCRIPTIONS = _set(
+    "position positions pos posicion posición lage ort coordinate coordinates coord coords"
+    " koordinate coordonnee coordonnée coordenada latest run lauf essai ensayo messung data set"
+    " daten serie center centre centroid mittelpunkt track trajectory the of der de la"
+    " px pixel pixels mm cm m in ft"
+)
+
+_NOT_POSITIONS = _set(
+    "v vx vy vel velocity speed geschwindigkeit vitesse velocidad a ax ay acc acceleration"
+    " beschleunigung accélération aceleracion aceleración std err error sigma uncertainty"
+    " unsicherheit likelihood score confidence size radius r theta angle winkel angulo ángulo phi"
+    " omega frame bild image step kinetic potential energy energie"
+)
+
+_RATE_UNIT = re.compile(r"/\s*s|s\^?-1|s⁻¹|°|deg|rad", re.IGNORECASE)
+
+_HEADER_LINES = 12
+"""Lines searched for the header (chosen: programs write up to ten lines above it)."""
+
+
+@dataclass(frozen=True)
+class AxisColumns:
+    """The two columns of an object's positions.
+
+    Attributes
+    ----------
+    name : str
+        Of the object; empty if the header names none.
+    x, y : str
+    """
+
+    name: str
+    x: str
+    y: str
+
+
+def _words(name: str) -> list[str]:
+    bare = re.sub(r"[\(\[].*?[\)\]]", " ", name.casefold())
+    return [word for word in re.split(r"[^\w]+|_|(?<=[^\W\d])(?=\d)", bare) if word]
+
+
+def time_column(header: Sequence[str]) -> str | None:
+    """The only column of times; None if there is none or several."""
+    found = [
+        name
+        for name in header
+        if (words := _words(name)) and set(words) & _TIME and not _axis(words)
+    ]
+    return found[0] if len(found) == 1 else None
+
+
+def _axis(words: Sequence[str]) -> str | None:
+    found = [axis for axis, names in _AXES.items() if set(words) & names]
+    return found[0] if len(found) == 1 else None
+
+
+def positions_of(header: Sequence[str]) -> tuple[AxisColumns, ...]:
+    """Pairs of columns that are the positions of objects, in the order of the table.
+
+    Empty if an object has two columns for one axis: they must be named by the user.
+    """
+    found: dict[str, dict[str, str]] = {}
+    for name in header:
+        words = _words(name)
+        axis = _axis(words)
+        unit = re.search(r"[\(\[](.*?)[\)\]]", name)
+        if axis is None or set(words) & _NOT_POSITIONS:
+            continue
+        if unit is not None and _RATE_UNIT.search(unit[1]):
+            continue
+        rest = [
+            word
+            for word in words
+            if word not in _AXES[axis] and word not in _DESCRIPTIONS and not word.isdigit()
+        ]
+        columns = found.setdefault(" ".join(rest), {})
+        if axis in columns:
+            return ()
+        columns[axis] = name
+    return tuple(
+        AxisColumns(name, columns["x"], columns["y"])
+        for name, columns in found.items()
+        if len(columns) == len(_AXES)
+    )
+
+
+def find_header(rows: Sequence[Sequence[str]]) -> int:
+    """Number of the header's line: the last one above the first line of numbers.
+
+    Parameters
+    ----------
+    rows : sequence of sequences of str
+        Cells of the first lines.
+
+    Returns
+    -------
+    int
+        0 if there is no line of numbers below a line of words.
+    """
+    for number, row in enumerate(rows[:_HEADER_LINES]):
+        written = [cell for cell in row if cell.strip()]
+        if number and written and all(map(_is_value, written)) and len(written) > 1:
+            return number - 1
+    return 0
+
+
+def _is_value(cell: str) -> bool:
+    return bool(re.fullmatch(r"\s*[-+]?[\d.,:/ T\u2212-]*\d[\d.,:eE+Z-]*\s*", cell)) or (
+        cell.strip().casefold() in ("nan", "na", "n/a")
+    )
+
+
+_SECONDS_PER_DAY = 86400.0
+
+_SERIAL_DAYS = (20_000.0, 80_000.0)
+"""Days since 1899-12-30 of the years 1954 to 2119 (convention: Excel)."""
+
+_EPOCH_S = (3e8, 5e9)
+"""Seconds since 1970 of the years 1979 to 2128."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Times of a column.
+
+    Attributes
+    ----------
+    seconds : (N,) array
+        From the first one.
+    note : str
+        How they were read; empty for numbers of seconds.
+    """
+
+    seconds: FloatArray
+    note: str = ""
+
+
+def read_clock(cells: "pd.Series[Any]", unit: str | None) -> Clock | None:
+    """Times of a column of dates, times of day, serial days or seconds since 1970.
+
+    Parameters
+    ----------
+    cells : Series
+    unit : str or None
+        As stated in the header or by the user.
+
+    Returns
+    -------
+    Clock or None
+        None if the cells are plain numbers, whose unit is the header's.
+    """
+    if pd.api.types.is_datetime64_any_dtype(cells):
+        return _since_first(cells, "The times are dates; they are counted from the first one.")
+    numbers = pd.to_numeric(cells, errors="coerce")
+    known = numbers.notna()
+    if known.sum() * 2 > cells.notna().sum():
+        if unit is not None or not known.any():
+            return None
+        return _of_numbers(np.asarray(numbers, dtype=float))
+    text = cells.map(lambda cell: "" if pd.isna(cell) else str(cell).strip().replace(",", "."))
+    seconds = text.map(_seconds_of_day)
+    if seconds.notna().sum() * 2 > (text != "").sum():
+        values = np.asarray(seconds, dtype=float)
+        begin = values[np.isfinite(values)][0]
+        steps = values - begin
+        # a recording over midnight
+        steps = np.where(steps < -0.5 * _SECONDS_PER_DAY, steps + _SECONDS_PER_DAY, steps)
+        return Clock(steps, "The times are times of day; they are counted from the first one.")
+    dates = pd.to_datetime(text.where(text != ""), errors="coerce", format="mixed")
+    if dates.notna().sum() * 2 > (text != "").sum():
+        return _since_first(dates, "The times are dates; they are counted from the first one.")
+    return None
+
+
+def _since_first(dates: "pd.Series[Any]", note: str) -> Clock:
+    begin = dates.dropna().iloc[0]
+    return Clock(np.asarray((dates - begin).dt.total_seconds(), dtype=float), note)
+
+
+def _of_numbers(values: FloatArray) -> Clock | None:
+    known = values[np.isfinite(values)]
+    low, high = float(known.min()), float(known.max())
+    since = values - known[0]
+    if _SERIAL_DAYS[0] <= low and high <= _SERIAL_DAYS[1] and 0.0 < high - low < 1.0:
+        return Clock(
+            since * _SECONDS_PER_DAY,
+            "The times are serial days of a spreadsheet; they are converted to seconds.",
+        )
+    for factor, name in ((1.0, "seconds"), (1e-3, "milliseconds"), (1e-6, "microseconds")):
+        if _EPOCH_S[0] <= low * factor and high * factor <= _EPOCH_S[1]:
+            return Clock(since * factor, f"The times are {name} since 1970.")
+    return None
+
+
+def _seconds_of_day(text: str) -> float:
+    """Seconds of ``10:03:07.002`` or ``03:07.002``; NaN for anything else."""
+    found = re.fullmatch(r"(?:(\d{1,2}):)?(\d{1,2}):(\d{1,2}(?:\.\d+)?)", text)
+    if found is None:
+        return float("nan")
+    return 3600.0 * int(found[1] or 0) + 60.0 * int(found[2]) + float(found[3])
