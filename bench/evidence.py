@@ -2,8 +2,8 @@
 
 Run: python -m bench.evidence FOLDER
 
-FOLDER holds the records of one commit (STORE/COMMIT of bench.golden). Writes
-docs/results/evidence.json; `python -m bench.insert` then fills the pages.
+FOLDER holds the records of one commit (STORE/COMMIT of bench.golden). Without clips in it, only the
+tables (campaigns and real data) are replaced. Writes docs/results/evidence.json; `python -m bench.insert` then fills the pages.
 """
 
 import argparse
@@ -96,6 +96,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("folder", type=Path, metavar="FOLDER")
     results = _rounded(collected(parser.parse_args().folder.resolve()))
+    results["tables_commit"] = results["commit"]
+    if not results["clips"]:
+        known = json.loads(RESULTS.read_text(encoding="utf-8"))
+        results = {**results, "commit": known["commit"], "clips": known["clips"]}
     write_text_whole(RESULTS, json.dumps(results, indent=1) + "\n")
     print(f"{len(results['clips'])} clips, {len(results['tables'])} tables")
 

@@ -76,6 +76,7 @@ def _evidence(found: Record) -> dict[str, Callable[[], str]]:
     if not found:
         return {}
     known: dict[str, Callable[[], str]] = {"evidence.commit": lambda: found["commit"]}
+    known["evidence.tables_commit"] = lambda: found.get("tables_commit", found["commit"])
     clips, tables = found["clips"], found["tables"]
     for part in ("shipped", "rendered", "scenes", "rooms", "altered"):
         mine = {k: v for k, v in clips.items() if k.startswith(f"{part}/")}

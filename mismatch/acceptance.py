@@ -33,7 +33,6 @@ __all__ = [
 
 FEATURES = (
     "margin",
-    "margin_over_unnamed",
     "predicted",
     "held_out",
     "left",
@@ -108,15 +107,16 @@ class NameEvidence:
 def features_of(evidence: NameEvidence) -> FloatArray:
     """The columns `FEATURES` of one name, compressed where evidence has long tails.
 
-    An answer that its other kind outdoes by less than forms are imperfect is not refuted; one that
-    is ahead of it needs no such allowance, since the rarity of what has no name is in the evidence.
+    The margin is the smaller one, over sets of names and over answers of the other kind. An answer
+    that its other kind outdoes by less than forms are imperfect is not refuted; one that is ahead
+    of it needs no such allowance, since the rarity of what has no name is in the evidence.
     """
+    over = evidence.log_odds_over_unnamed
     return np.array(
         [
-            _margin(evidence.log_odds, evidence.gain),
-            _margin(
-                evidence.log_odds_over_unnamed,
-                evidence.gain if evidence.log_odds_over_unnamed < 0.0 else 0.0,
+            min(
+                _margin(evidence.log_odds, evidence.gain),
+                _margin(over, evidence.gain if over < 0.0 else 0.0),
             ),
             float(np.clip(evidence.predicted, -0.5, 1.0)),
             _compressed(evidence.held_out),

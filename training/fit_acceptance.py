@@ -30,7 +30,6 @@ OUTPUT = Path(__file__).parents[1] / "mismatch" / "acceptance.json"
 PRIOR = {
     "intercept": (-1.0, 1.0),
     "margin": (2.0, 1.0),
-    "margin_over_unnamed": (1.0, 0.7),
     "predicted": (1.0, 0.5),
     "held_out": (0.2, 0.2),
     "left": (-2.0, 1.0),

@@ -355,15 +355,16 @@ def paths_figure(explained: ExplainedCampaign) -> Picture:
     figure = Picture(figsize=(7.2, 2.3 * rows), layout="constrained")
     grid = figure.add_gridspec(rows, 2)
     name, unit = ("angle", "mrad") if axis == 3 else (AXES[axis], "mm")
+    before = " before" if _answer(explained) else ""
     for place, trial in enumerate(picked):
         panel = figure.add_subplot(grid[1 + place // 2, place % 2])
         _draw_difference(panel, apart[trial])
         panel.set_title(f"trial {explained.trials[trial]}", fontsize=9)
         panel.set_xlabel("time / s", fontsize=8)
-        panel.set_ylabel(f"{name} − model before / {unit}", fontsize=8)
+        panel.set_ylabel(f"{name} − model{before} / {unit}", fontsize=8)
     together = figure.add_subplot(grid[0, :])
     _draw(together, whole, size=1.5)
-    together.set_title(f"all {len(shown)} trials", fontsize=9)
+    together.set_title(f"all {len(shown)} trials" if len(shown) > 1 else "", fontsize=9)
     together.set_xlabel("x / m" if flat else "time / s")
     together.set_ylabel("angle / rad" if up == 3 else f"{AXES[up]} / m")
     handles, labels = together.get_legend_handles_labels()
@@ -386,6 +387,8 @@ def _draw_difference(axis: Axes, track: _Track | None) -> None:
 
 def _draw(axis: Axes, tracks: list[_Track | None], size: float) -> None:
     first = True
+    changed = any(track is not None and track.after is not None for track in tracks)
+    name = "simulated before" if changed else "simulated"
     for track in tracks:
         if track is None:
             continue
@@ -398,7 +401,7 @@ def _draw(axis: Axes, tracks: list[_Track | None], size: float) -> None:
             label="recorded" if first else None,
         )
         axis.plot(track.across, track.before, "-", lw=1.0, color=BASELINE_COLOUR, alpha=0.8,
-                  label="simulated before" if first else None)  # fmt: skip
+                  label=name if first else None)  # fmt: skip
         if track.after is not None:
             axis.plot(track.across, track.after, "-", lw=1.0, color=IMPROVED_COLOUR,
                       label="simulated with the missing effect" if first else None)  # fmt: skip
