@@ -3,7 +3,8 @@
 Run: python -m bench.evidence FOLDER
 
 FOLDER holds the records of one commit (STORE/COMMIT of bench.golden). Without clips in it, only the
-tables (campaigns and real data) are replaced. Writes docs/results/evidence.json; `python -m bench.insert` then fills the pages.
+tables (campaigns and real data) are replaced. Writes docs/results/evidence.json;
+`python -m bench.insert` then fills the pages.
 """
 
 import argparse
