@@ -14,6 +14,7 @@ arc, leaves a free registration adrift; one pivot for all pictures holds it.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,6 +37,8 @@ __all__ = [
     "learnt_look",
     "locate_along",
     "registration_step",
+    "segmented",
+    "thick_part",
 ]
 
 FloatImage = NDArray[np.float32]
@@ -459,24 +462,173 @@ def _ways(swing: ImagedSwing, angle: float) -> FloatArray:
     return ways
 
 
-def learnt_look(
+_MIN_FIT_SIGMA, _MAX_FIT_SIGMA = 1.5, 5.0
+"""Standard deviation of a body's own light over the noise; and that beyond which a pixel counts no
+more (chosen: a body's light changes a little as it swings)."""
+_OWN_LIGHT = 2.0
+"""Log odds that an appearance of its own costs a pixel (derived: half the log of the pictures)."""
+
+
+_FAINT, _LIT, _MIXED, _MIN_KEPT = 0.02, 0.3, 0.5, 0.25
+"""Fractions: of a body's usual log odds, less than which is no part of it; of a pixel's log odds
+that a shadow leaves where it is none; of a body that is no shadow, from which on the rest is taken
+for its shadow; and of a first outline that a second keeps (chosen)."""
+_CLOSED, _ARM, _CORNER, _RAGGED = 0.12, 0.65, 0.3, 0.25
+"""Gaps in a body that are closed, over the root of its area; and thickness of an arm over that of
+its body (chosen); and what an opening by that takes off a right angle (derived: 0.41 × 0.65);
+and what is ragged at its edge (chosen)."""
+
+
+_MIN_OPACITY = 0.1
+"""Minimum opacity of a point of a body (chosen)."""
+_UNDECIDED = 2.0
+"""Log odds, besides that cost, below which a pixel is undecided (derived: odds of 7 to 1)."""
+
+
+def segmented(
     patch: Patch, swing: ImagedSwing, glimpses: Sequence[Glimpse], angles: FloatArray
 ) -> Patch:
-    """Average the look over pictures: the body lies before different parts of the scene."""
+    """Decide anew which points of a patch move with the body, by comparison with the scene.
+
+    Parameters
+    ----------
+    patch : Patch
+        Points on a grid of one pixel, with some around the body.
+    swing : ImagedSwing
+    glimpses : sequence of Glimpse
+    angles : (K,) array
+        Angle in each picture, rad; NaN where it is not known.
+
+    Returns
+    -------
+    Patch
+        The points of the body and next to it; as it was where hardly any moves with it.
+    """
+    offsets = np.column_stack([patch.x, patch.y])
+    shown, behind, weight = [], [], []
+    for glimpse, angle in zip(glimpses, angles, strict=True):
+        if np.isfinite(angle):
+            spot = offsets @ swing.spread(float(angle)).T + swing.middle(float(angle))
+            shown.append(sampled(glimpse.picture, *spot.T) / glimpse.gain)
+            behind.append(sampled(glimpse.behind, *spot.T))
+            weight.append(_free(spot, glimpse))
+    seen, free = np.array(shown), np.array(weight, dtype=np.float64)
+    count = free.sum(axis=0)
+    look = (free * seen).sum(axis=0) / np.maximum(count, 1.0)
+    noise = _MIN_FIT_SIGMA * glimpses[0].noise
+    most = _MAX_FIT_SIGMA**2
+    left = np.minimum(np.square((seen - look) / noise), most)
+    alone = np.minimum(np.square((seen - np.array(behind)) / noise), most)
+    odds = 0.5 * ((alone - left) * free).sum(axis=0) - _OWN_LIGHT
+    # a shadow dims what it falls on evenly
+    scene = np.array(behind)
+    square = np.maximum((free * scene * scene).sum(axis=0), 1e-6)
+    ratio = np.clip((free * seen * scene).sum(axis=0) / square, 0.0, 1.0)
+    dimmed = np.minimum(np.minimum(np.square((seen - ratio * scene) / noise), most), alone)
+    beyond = 0.5 * ((dimmed - left) * free).sum(axis=0) - _OWN_LIGHT
+    column, row = (np.rint(one - one.min()).astype(np.int64) for one in (patch.x, patch.y))
+
+    def grid(values: FloatArray) -> FloatImage:
+        image = np.zeros((row.max() + 1, column.max() + 1), dtype=np.float32)
+        image[row, column] = values
+        return image
+
+    smooth = cv2.blur(grid(np.where(count > 0.0, odds, 0.0)), (3, 3))
+    start = grid(patch.opacity) > 0.5
+    sure = start & (smooth > 0.0)
+    if not sure.any():
+        return patch
+    body = smooth > _FAINT * float(np.percentile(smooth[sure], 90.0))
+    lit = body & (cv2.blur(grid(np.where(count > 0.0, beyond, 0.0)), (3, 3)) > _LIT * smooth)
+    if smooth[lit & start].sum() > _MIXED * smooth[body & start].sum():
+        body = lit
+    # where both explain the pictures alike it stays what it was
+    core = cv2.erode(start.astype(np.uint8), _disc(2)) > 0
+    member = thick_part(body | (core & (np.abs(smooth + _OWN_LIGHT) < _UNDECIDED)), start)
+    if member.sum() < _MIN_KEPT * start.sum():
+        return patch
+    # at its edge each pixel shows a mixture of the body's light farther in and the scene's
+    inner = cv2.erode(member.astype(np.uint8), _disc(1)) > 0
+    if not inner.any():
+        return patch
+    weights = cv2.blur(inner.astype(np.float32), (5, 5))
+    inward = cv2.blur(grid(look) * inner, (5, 5)) / np.maximum(weights, 1e-6)
+    own = np.where(inner, grid(look), inward)[row, column].astype(np.float64)
+    change = own - scene
+    mixed = (free * (seen - scene) * change).sum(axis=0)
+    opacity = np.clip(mixed / np.maximum((free * change * change).sum(axis=0), 1.0), 0.0, 1.0)
+    opacity = np.where(inner[row, column], 1.0, opacity)
+    edge = (cv2.dilate(member.astype(np.uint8), _disc(1)) > 0) & (weights > 0.0)
+    kept = (opacity > _MIN_OPACITY) & edge[row, column]
+    return Patch(patch.x[kept], patch.y[kept], own[kept], opacity[kept])
+
+
+def thick_part(body: NDArray[np.bool_], near: FloatArray | NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The thick part of a body, without its arm.
+
+    Parameters
+    ----------
+    body : (h, w) bool array
+        With small holes where it is as light as the scene.
+    near : (h, w) array
+        Weight of each pixel: its part is the one around the deepest pixel by this weight.
+
+    Returns
+    -------
+    (h, w) bool array
+    """
+    area = max(float(np.count_nonzero(body)), 1.0)
+    pad = int(_CLOSED * np.sqrt(area)) + 1
+    padded = np.pad(body.astype(np.uint8), pad)
+    closed = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, _disc(pad))
+    depth = cv2.distanceTransform(closed, cv2.DIST_L2, 5)
+    weighted = depth * np.pad(np.asarray(near, dtype=np.float64), pad)
+    middle = np.unravel_index(int(np.argmax(weighted)), depth.shape)
+    thick = cv2.morphologyEx(closed, cv2.MORPH_OPEN, _disc(round(_ARM * float(depth[middle]))))
+    labels = cv2.connectedComponents(thick)[1]
+    part = (labels == labels[middle] if labels[middle] else closed > 0).astype(np.uint8)
+    # the opening rounds corners off
+    closed = cv2.morphologyEx(closed, cv2.MORPH_OPEN, _disc(round(_RAGGED * float(depth[middle]))))
+    around = cv2.dilate(part, _disc(round(_CORNER * float(depth[middle]))))
+    within = (np.asarray(closed) > 0) & (np.asarray(around) > 0)
+    return np.asarray(within[pad:-pad, pad:-pad])
+
+
+def _disc(radius: int) -> NDArray[np.uint8]:
+    size = 2 * max(radius, 0) + 1
+    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)), dtype=np.uint8)
+
+
+def _free(spot: FloatArray, glimpse: Glimpse) -> NDArray[np.bool_]:
+    """Which points (n, 2) of a picture are in view and not hidden."""
+    height, width = glimpse.picture.shape
+    free = ((spot > 1) & (spot < [width - 2, height - 2])).all(axis=1)
+    if glimpse.hidden is not None:
+        x, y, radius = glimpse.hidden
+        free &= (spot[:, 0] - x) ** 2 + (spot[:, 1] - y) ** 2 > radius**2
+    return np.asarray(free)
+
+
+def learnt_look(
+    patch: Patch,
+    swing: ImagedSwing,
+    glimpses: Sequence[Glimpse],
+    angles: FloatArray,
+    *,
+    opaque: float = 0.0,
+) -> Patch:
+    """Average the appearance of points of some opacity over pictures with other scenes behind."""
     total, weight = np.zeros(len(patch.x)), np.zeros(len(patch.x))
     offsets = np.column_stack([patch.x, patch.y])
     for glimpse, angle in zip(glimpses, angles, strict=True):
         if not np.isfinite(angle):
             continue
         spot = offsets @ swing.spread(float(angle)).T + swing.middle(float(angle))
-        height, width = glimpse.picture.shape
-        free = ((spot > 1) & (spot < [width - 2, height - 2])).all(axis=1)
-        if glimpse.hidden is not None:
-            x, y, radius = glimpse.hidden
-            free &= (spot[:, 0] - x) ** 2 + (spot[:, 1] - y) ** 2 > radius**2
+        free = _free(spot, glimpse)
         shown = sampled(glimpse.picture, spot[:, 0], spot[:, 1])
         total += free * shown / glimpse.gain
         weight += free
     enough = weight >= max(3.0, 0.25 * len(glimpses))
+    enough &= patch.opacity >= opaque
     look = np.where(enough, total / np.maximum(weight, 1.0), patch.look)
     return replace(patch, look=look)

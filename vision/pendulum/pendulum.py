@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from vision.ball.ball import BallFits
 from vision.pendulum.arc import Arc, ImagedSwing, Patch, Pose, fit_arc, fit_imaged_swing, register
+from vision.pendulum.candidates import SwungBody
 from vision.pendulum.face import MassCandidate, MassPoses, Striking, striking
 from vision.pendulum.layer import (
     Bundle,
@@ -27,11 +28,12 @@ from vision.pendulum.layer import (
     learnt_look,
     locate_along,
     registration_step,
+    segmented,
 )
 from vision.scene import Backdrop, FilmedScene
 from vision.tracks import Rest
 
-__all__ = ["Follower", "Swinging", "follow_on", "follow_piece", "most_explained"]
+__all__ = ["Follower", "Swinging", "follow_body", "follow_on", "follow_piece", "most_explained"]
 
 FloatArray = NDArray[np.float64]
 
@@ -77,14 +79,14 @@ class FreeTracker:
         start = Pose(piece.anchor, 0.0, np.zeros((3, 3)), 1.0, 1.0)
         own = self._locate(piece.patch, piece.frame, start, 0.01)
         poses = {piece.frame: own if own is not None else start}
-        self._extend(piece.patch, poses, -1, self._follower.frames(_TRIAL_WAY, _TRIAL_FRAMES))
+        self.extend(piece.patch, poses, -1, self._follower.frames(_TRIAL_WAY, _TRIAL_FRAMES))
         if len(poses) < _FEWEST:
             return {}
         steps = np.array([poses[index].anchor for index in sorted(poses)])
         if float((steps[-1] - steps[0]) @ rest.direction) < _LEAST_ADVANCE_PX:
             return {}
-        self._extend(piece.patch, poses, -1, self._follower.frames(_MOST_WAY, _MOST_FRAMES))
-        self._extend(piece.patch, poses, 1, rest.last - piece.frame)
+        self.extend(piece.patch, poses, -1, self._follower.frames(_MOST_WAY, _MOST_FRAMES))
+        self.extend(piece.patch, poses, 1, rest.last - piece.frame)
         return poses
 
     def _locate(self, patch: Patch, index: int, guess: Pose, turn_std: float) -> Pose | None:
@@ -101,7 +103,7 @@ class FreeTracker:
             hidden=glimpse.hidden,
         )
 
-    def _extend(self, patch: Patch, poses: dict[int, Pose], direction: int, frames: int) -> None:
+    def extend(self, patch: Patch, poses: dict[int, Pose], direction: int, frames: int) -> None:
         """Go on from the last known frame in one direction, for so many frames at most."""
         if frames < 1:
             return
@@ -193,6 +195,14 @@ _CURVED_PX = 1e5
 # How far a body with depth strays from the arc of a flat one, px and rad; a round one turns freely.
 _STRAY_PX, _LEFT_PX, _STRAY_RAD, _NO_TURN = 0.5, 5.0, 0.02, 1e-4
 
+_REFITTED, _OPAQUE = 24, 0.95
+"""Frames after which an arc is fitted anew on the way, and minimum opacity of a point that shows
+the light of a body alone (chosen)."""
+
+_PROPOSED_PX = 3.0
+"""Search range of a proposed body in the first pictures, px (chosen: a pixel of the working
+picture)."""
+
 _USUAL_RESIDUAL = 1.5
 """Factor: a misfit that is this much over the usual is looked into, supposed."""
 
@@ -235,6 +245,7 @@ class Swinging:
     striking: Striking
     gain: float
     scatter_px: float
+    by_motion: bool = False
 
     @property
     def misfit(self) -> float:
@@ -328,14 +339,25 @@ def follow_piece(follower: Follower, piece: MassCandidate) -> Swinging | None:
     free = FreeTracker(follower).coming(piece)
     if len(free) < _FEWEST:
         return None
-    fitted = [one for turns in (True, False) if (one := _fitted(follower, piece, free, turns))]
+    return _followed(follower, piece, free)
+
+
+def _followed(
+    follower: Follower, piece: MassCandidate, free: dict[int, Pose], *, by_motion: bool = False
+) -> Swinging | None:
+    """Fit its arc to first poses, and follow it past the strike."""
+    opaque = _OPAQUE if by_motion else 0.0
+    fitted = [
+        one for turns in (True, False) if (one := _fitted(follower, piece, free, turns, opaque))
+    ]
+    fitted = [one for one in fitted if _hangs(follower, one[1].swing)]
     if not fitted:
         return None
     patch, coming = _likelier(fitted, free)
     frames = _spread(free)
     seen = np.isfinite(coming.angles)
     angles = np.interp(np.array(sorted(free)), frames[seen], coming.angles[seen])
-    walk = _Walk(follower, patch, coming.swing, piece.frame)
+    walk = _Walk(follower, patch, coming.swing, piece.frame, by_motion=by_motion)
     for frame, angle in zip(sorted(free), angles, strict=True):
         walk.look(frame, float(angle), 0.0)
     if len(walk.known) < _FEWEST:
@@ -344,9 +366,97 @@ def follow_piece(follower: Follower, piece: MassCandidate) -> Swinging | None:
     return walk.swinging()
 
 
+def follow_body(follower: Follower, body: SwungBody) -> Swinging | None:
+    """Follow a proposed body past the strike.
+
+    Returns
+    -------
+    Swinging or None
+        None where it does not swing towards the ball.
+    """
+    # the pictures may be those of a colour
+    spot = np.rint(np.column_stack([body.patch.x, body.patch.y]) + body.swing.centre_px).astype(int)
+    picture = follower.scene.picture(body.frame)
+    look = picture[spot[:, 1], spot[:, 0]] / follower.scene.views[body.frame].gain
+    body = replace(body, patch=replace(body.patch, look=look.astype(np.float64)))
+    free = _along(follower, body)
+    if len(free) < _FEWEST:
+        return None
+    frames = _spread(free)
+    glimpses = [next(follower.glimpses(int(frame))) for frame in frames]
+    angles = np.array([free[int(frame)].turn for frame in frames])
+    first = bundle(body.patch, body.swing, glimpses, angles, aslant=False)
+    if first is None:
+        return None
+    patch, middle = body.patch, np.zeros(2)
+    if not body.with_arm:
+        patch = segmented(body.patch, first.swing, glimpses, first.angles)
+        middle = patch.opacity @ np.column_stack([patch.x, patch.y]) / patch.opacity.sum()
+    swing = replace(first.swing, centre_px=first.swing.centre_px + middle)
+    patch = replace(patch, x=patch.x - middle[0], y=patch.y - middle[1])
+    known = np.isfinite(first.angles)
+    every = np.array(sorted(free))
+    angles = np.interp(every, frames[known], first.angles[known])
+    angles[every == body.frame] = 0.0
+    registered = {
+        int(frame): _registered_freely(follower, patch, swing, int(frame), float(angle))
+        for frame, angle in zip(every, angles, strict=True)
+    }
+    free = {frame: pose for frame, pose in registered.items() if pose is not None}
+    if body.frame not in free or len(free) < _FEWEST:
+        return None
+    FreeTracker(follower).extend(patch, free, -1, follower.frames(_MOST_WAY, _MOST_FRAMES))
+    piece = MassCandidate(body.frame, patch, swing.centre_px, 0.0)
+    return _followed(follower, piece, free, by_motion=True)
+
+
+def _registered_freely(
+    follower: Follower, patch: Patch, swing: ImagedSwing, frame: int, angle: float
+) -> Pose | None:
+    """A pose near an angle of a swing, free to leave the arc and to turn."""
+    glimpse = next(follower.glimpses(frame))
+    start = Pose(swing.middle(angle), angle, np.zeros((3, 3)), 1.0, 1.0)
+    return register(
+        patch,
+        glimpse.picture,
+        glimpse.behind,
+        glimpse.gain,
+        glimpse.noise,
+        start,
+        turn_std=0.1,
+        hidden=glimpse.hidden,
+    )
+
+
+def _along(follower: Follower, body: SwungBody) -> dict[int, Pose]:
+    """Poses of a body near where its motion before contact predicts it."""
+    arm = float(np.hypot(*(body.swing.centre_px - body.swing.pivot_px)))
+    free: dict[int, Pose] = {}
+    first, last = min(body.angles), follower.rest.last
+    rate = (max(body.angles.values()) - min(body.angles.values())) / max(
+        max(body.angles) - first, 1
+    )
+    sign = 1.0 if body.angles[max(body.angles)] >= body.angles[first] else -1.0
+    for frame in range(first, last + 1):
+        guess = sign * rate * (frame - body.frame)
+        if frame == body.frame:
+            free[frame] = Pose(body.swing.centre_px, 0.0, np.zeros((3, 3)), 1.0, 1.0)
+            continue
+        reach = (_PROPOSED_PX + 0.15 * abs(guess) * arm) / arm
+        glimpse = next(follower.glimpses(frame))
+        found = locate_along(body.patch, body.swing, glimpse, guess, reach)
+        if found is not None and abs(found.angle - guess) < 1.5 * reach:
+            middle = body.swing.middle(found.angle)
+            free[frame] = Pose(
+                middle, found.angle, np.zeros((3, 3)), found.rms_residual, found.seen
+            )
+    return free
+
+
 def follow_on(follower: Follower, found: Swinging) -> Swinging:
     """Follow it to both ends of the clip, on the arc that its whole way tells."""
-    walk = _Walk(follower, found.mass.patch, found.swing, found.mass.reference)
+    mass = found.mass
+    walk = _Walk(follower, mass.patch, found.swing, mass.reference, by_motion=found.by_motion)
     walk.known.update(zip(found.mass.frame.tolist(), found.mass.poses, strict=True))
     walk.go(-1, -1)
     walk.go(1, follower.scene.count)
@@ -357,11 +467,18 @@ class _Walk:
     """A body followed from frame to frame: registered near where its arc and rate predict it."""
 
     def __init__(
-        self, follower: Follower, patch: Patch, swing: ImagedSwing, reference: int
+        self,
+        follower: Follower,
+        patch: Patch,
+        swing: ImagedSwing,
+        reference: int,
+        *,
+        by_motion: bool,
     ) -> None:
         self._follower, self._patch, self._reference = follower, patch, reference
         self.swing = swing
         self.known: dict[int, Pose] = {}
+        self._by_motion = by_motion
         self._arm = float(np.hypot(*(swing.centre_px - swing.pivot_px)))
         self._explained: list[float] = []
 
@@ -423,6 +540,9 @@ class _Walk:
             reach = _OFF_PX / self._arm + _BLOW * abs(rate) * gap
             patience = _patience(self._follower.radius, abs(rate) * self._arm)
             missed = 0 if self.look(index, guess, min(reach, 0.5)) else missed + 1
+            if self._by_motion and missed == 0 and len(self.known) % _REFITTED == 0:
+                poses = [self.known[frame] for frame in sorted(self.known)]
+                self.swing = fit_imaged_swing(self.swing, poses).swing
             if missed >= patience:
                 return
             index += direction
@@ -460,7 +580,7 @@ class _Walk:
         coming = (order <= last) & (order > last - near)
         strays = _strays(order[coming], np.unwrap(angle)[coming]) * arm
         strikes = striking(mass, follower.ball, follower.rest)
-        return Swinging(mass, swing, strikes, self._gain(), strays)
+        return Swinging(mass, swing, strikes, self._gain(), strays, self._by_motion)
 
     def _gain(self) -> float:
         """What the body explains around the strike; frames in which it was lost count nothing."""
@@ -545,7 +665,7 @@ def _spread(free: dict[int, Pose]) -> NDArray[np.int64]:
 
 
 def _fitted(
-    follower: Follower, piece: MassCandidate, free: dict[int, Pose], turns: bool
+    follower: Follower, piece: MassCandidate, free: dict[int, Pose], turns: bool, opaque: float
 ) -> tuple[Patch, Bundle] | None:
     """The look and the arc of a piece, as a body that turns with its arm or not."""
     order = sorted(free)
@@ -563,9 +683,17 @@ def _fitted(
     found = bundle(patch, swing, glimpses, angles, aslant=False)
     if found is None:
         return None
-    patch = learnt_look(patch, found.swing, glimpses, found.angles)
+    patch = learnt_look(patch, found.swing, glimpses, found.angles, opaque=opaque)
     again = bundle(patch, found.swing, glimpses, found.angles)
     return None if again is None else (patch, again)
+
+
+def _hangs(follower: Follower, swing: ImagedSwing) -> bool:
+    """Whether the pivot is above the body."""
+    along = follower.rest.direction
+    up = np.array([along[1], -along[0]])
+    up = up if up[1] < 0 else -up
+    return float((swing.pivot_px - swing.centre_px) @ up) > 0.0
 
 
 def _overhead(follower: Follower, piece: MassCandidate) -> FloatArray:

@@ -11,6 +11,7 @@ Two spheres touch on the line between their centres: how far the bob leads its m
 motion follows from both radii and from how far the ball lies above or below it.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -21,10 +22,12 @@ from metrology.least_squares import minimise
 from vision.ball.ball import BallFits
 from vision.ball.edges import TYPICAL_GAMMA
 from vision.pendulum.arc import ImagedSwing, Patch
+from vision.pendulum.candidates import SwungBody, propose_bodies
 from vision.pendulum.face import MassCandidate, MassPoses, Striking, find_face, find_mass
 from vision.pendulum.pendulum import (
     Follower,
     Swinging,
+    follow_body,
     follow_on,
     follow_piece,
     most_explained,
@@ -283,6 +286,15 @@ _UNEXPLAINED, _FAR_LESS = 4.0, 0.75
 and share of that which another light must leave at most, supposed: in 17 of 18 rendered clips 1.3
 to 4.3 are left, before a wall over which shadows sweep 5 to 11."""
 
+_EVENLY_PX, _SURELY_EVEN_PX, _REACHES = 1.0, 0.15, 0.25
+"""Scatter of a turn, px, above which it is not even, and below which it surely is; and maximum
+distance of a body from the point of contact when the ball leaves, ball radii (chosen)."""
+_NEARLY_AS_MUCH = 0.75
+"""Fraction of what a body explains that a piece of it explains at least (chosen)."""
+_COLOURED = 0.4
+"""Fraction of the squared contrast in lightness below which a body is followed in its colour
+(chosen)."""
+
 # A rival that explains less than this part of what the best one does is no rival.
 _RIVAL = 0.3
 
@@ -368,16 +380,14 @@ def find_striker(
         None if nothing swings towards the ball.
     """
     at = None if mass_at is None else (float(mass_at[0]), float(mass_at[1]))
-    radius = float(np.median(ball.radius))
-    image = scene_before_strike(scene, rest, radius)
-    before = Backdrop(scene, image, radius)
-    lit = Backdrop(scene, image, radius, relit=True)
-    search = _StrikerSearch.through(scene, rest, ball, before, at, small)
-    if search is None or not search.explains_all:
-        again = _StrikerSearch.through(scene, rest, ball, lit, at, small)
-        if again is not None and (search is None or again.explains_more_than(search)):
-            search = again
-    return None if search is None else search.striker((search.follower.before, lit))
+    pieces = _StrikerSearch.of_pieces(scene, rest, ball, at, small)
+    if pieces is not None and pieces.is_sure:
+        return pieces.striker()
+    bodies = propose_bodies(scene, rest, float(np.median(ball.radius)), at)
+    swung = _StrikerSearch.of_bodies(scene, rest, ball, bodies)
+    if pieces is None or (swung is not None and swung.is_better_than(pieces)):
+        pieces = swung
+    return None if pieces is None else pieces.striker()
 
 
 @dataclass(frozen=True)
@@ -387,41 +397,124 @@ class _StrikerSearch:
     Attributes
     ----------
     follower : Follower
+    lit : Backdrop
+        The scene before the strike in each frame's own light.
     best : Swinging
     rivals : tuple of Swinging
         Other bodies that agree as well with the strike.
     """
 
     follower: Follower
+    lit: Backdrop
     best: Swinging
     rivals: tuple[Swinging, ...]
 
     @classmethod
-    def through(
+    def of_pieces(
         cls,
         scene: FilmedScene,
         rest: Rest,
         ball: BallFits,
-        before: Backdrop,
         at: tuple[float, float] | None,
         small: bool,
     ) -> "_StrikerSearch | None":
-        """Follow every piece; None where nothing swings towards the ball."""
-        follower = Follower(scene, rest, ball, before)
-        pieces = find_mass(scene, rest, follower.radius, before, at, small=small)
-        followed: list[Swinging] = []
-        for piece in pieces:
-            if followed and settles(steadiest(followed), piece, follower):
-                continue
-            one = follow_piece(follower, piece)
-            # What explains no more than the scene without it is none.
-            if one is not None and one.gain > 0.0:
-                followed.append(one)
+        """Follow pieces of what differs in brightness; None where nothing swings to the ball."""
+
+        def through(before: Backdrop, lit: Backdrop) -> _StrikerSearch | None:
+            follower = Follower(scene, rest, ball, before)
+            followed: list[Swinging] = []
+            for piece in find_mass(scene, rest, follower.radius, before, at, small=small):
+                if followed and settles(steadiest(followed), piece, follower):
+                    continue
+                one = follow_piece(follower, piece)
+                # What explains no more than the scene without it is none.
+                if one is not None and one.gain > 0.0:
+                    followed.append(one)
+            return cls._of(follower, lit, followed)
+
+        return cls._before_each_scene(scene, rest, ball, through)
+
+    @classmethod
+    def of_bodies(
+        cls, scene: FilmedScene, rest: Rest, ball: BallFits, bodies: Sequence[SwungBody]
+    ) -> "_StrikerSearch | None":
+        """Follow proposed bodies, in colour where they are about as light as the scene."""
+        if not bodies:
+            return None
+        if bodies[0].gray < _COLOURED:
+            scene = scene.tinted(*bodies[0].colour.tolist())
+
+        def through(before: Backdrop, lit: Backdrop) -> _StrikerSearch | None:
+            follower = Follower(scene, rest, ball, before)
+            followed: list[Swinging] = []
+            for body in bodies:
+                if body.with_arm and any(_is_even(one) for one in followed):
+                    continue
+                one = follow_body(follower, body)
+                if one is not None and one.gain > 0.0:
+                    followed.append(one)
+            return cls._of(follower, lit, followed)
+
+        return cls._before_each_scene(scene, rest, ball, through)
+
+    @classmethod
+    def _before_each_scene(
+        cls,
+        scene: FilmedScene,
+        rest: Rest,
+        ball: BallFits,
+        through: Callable[[Backdrop, Backdrop], "_StrikerSearch | None"],
+    ) -> "_StrikerSearch | None":
+        """Search before the steady scene; where that leaves much, in each frame's own light."""
+        radius = float(np.median(ball.radius))
+        image = scene_before_strike(scene, rest, radius)
+        before = Backdrop(scene, image, radius)
+        lit = Backdrop(scene, image, radius, relit=True)
+        search = through(before, lit)
+        if search is None or not search.explains_all:
+            again = through(lit, lit)
+            if again is not None and (search is None or again.explains_more_than(search)):
+                return again
+        return search
+
+    @classmethod
+    def _of(
+        cls, follower: Follower, lit: Backdrop, followed: list[Swinging]
+    ) -> "_StrikerSearch | None":
         if not followed:
             return None
         best = steadiest(followed)
         likely = (one for one in followed if one.striking <= best.striking)
-        return cls(follower, best, tuple(one for one in likely if another_body(one, best)))
+        rivals = tuple(one for one in likely if another_body(one, best))
+        return cls(follower, lit, best, rivals)
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether it explains the strike and the pictures, and reaches the point of contact."""
+        even = self.best.scatter_px < _SURELY_EVEN_PX
+        return self.explains_all and even and self._gap_radii() < _REACHES
+
+    def _gap_radii(self) -> float:
+        """Distance of the body from the point of contact when the ball leaves, ball radii."""
+        rest, mass = self.follower.rest, self.best.mass
+        place = int(np.argmin(np.abs(mass.frame - rest.last)))
+        pose, patch, radius = mass.poses[place], mass.patch, self.follower.radius
+        solid = patch.opacity > _SOLID
+        cosine, sine = np.cos(pose.turn), np.sin(pose.turn)
+        x, y = patch.x[solid], patch.y[solid]
+        contact = rest.centre_px - radius * rest.direction - pose.anchor
+        away = np.hypot(cosine * x - sine * y - contact[0], sine * x + cosine * y - contact[1])
+        return float(away.min(initial=np.inf)) / radius
+
+    def is_better_than(self, pieces: "_StrikerSearch") -> bool:
+        """Whether a body is another thing than a piece, or explains much more of the pictures."""
+        body, piece = self.best, pieces.best
+        if body.striking != piece.striking:
+            return body.striking < piece.striking
+        if _shared_area(piece.mass, body.mass) < _NESTED:
+            return True
+        uneven = body.scatter_px > max(_AS_EVEN * piece.scatter_px, _EVEN_PX)
+        return piece.gain < (_RIVAL if uneven else _NEARLY_AS_MUCH) * body.gain
 
     @property
     def explains_all(self) -> bool:
@@ -434,9 +527,10 @@ class _StrikerSearch:
             return self.best.striking < other.best.striking
         return self.best.misfit < _FAR_LESS * other.best.misfit
 
-    def striker(self, scenes_before: tuple[Backdrop, ...]) -> Striker:
+    def striker(self) -> Striker:
         """Follow the best one to both ends of the clip, and find its face."""
         follower = self.follower
+        scenes_before = follower.before, self.lit
         best = follow_on(follower, self.best)
         scene, rest, radius = follower.scene, follower.rest, follower.radius
         face: Face | None = None
@@ -451,6 +545,11 @@ class _StrikerSearch:
         doubt = max((one.gain for one in self.rivals), default=0.0) / max(best.gain, 1e-9)
         doubt = doubt if doubt > _RIVAL else 0.0
         return Striker(best.mass, best.swing, face, _reasons(best), doubt, best.striking)
+
+
+def _is_even(one: Swinging) -> bool:
+    """Whether it agrees with the strike and turns evenly on its way to the ball."""
+    return one.striking is Striking.AGREES and one.scatter_px < _EVENLY_PX
 
 
 def steadiest(followed: list[Swinging]) -> Swinging:
