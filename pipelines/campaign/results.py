@@ -4,6 +4,7 @@ import csv
 import io
 import itertools
 import math
+import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -152,6 +153,8 @@ def read_lab_book(path: Path) -> LabBook:
     """
     table, notes = _table(path)
     table.columns = [str(column).strip() for column in table.columns]
+    table, converted = _with_known_columns(path, table)
+    notes = (*notes, *converted)
     repeated = [name for name in table.columns if list(table.columns).count(name) > 1]
     if repeated:
         raise UsageError(f"{path} has two columns {repeated[0]!r}", hint="Rename one of them.")
@@ -168,6 +171,65 @@ def read_lab_book(path: Path) -> LabBook:
     _refuse_twice(path, strikes)
     columns = ("clip", *(name for name in table.columns if name != CLIP_COLUMN))
     return _without_reserved(LabBook(strikes, columns, notes))
+
+
+_LENGTH, _TIME = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}, {"s": 1.0, "ms": 1e-3}
+_ANGLE = {"deg": 1.0, "grad": 1.0, "degrees": 1.0, "rad": 180.0 / math.pi}
+_SPEED = {"m_s": 1.0, "m/s": 1.0, "cm_s": 1e-2, "cm/s": 1e-2, "km_h": 1 / 3.6, "km/h": 1 / 3.6}
+_OTHER_UNITS: dict[str, tuple[str, Mapping[str, float]]] = {
+    "backswing_deg": ("backswing", _ANGLE),
+    "contact_time_fsr_s": ("contact_time_fsr", _TIME),
+    "backswing_encoder_deg": ("backswing_encoder", _ANGLE),
+    "impact_speed_encoder_m_s": ("impact_speed_encoder", _SPEED),
+    "landing_tape_m": ("landing_tape", _LENGTH),
+}
+"""Columns of numbers: their stem, and factors of units that are converted."""
+
+
+def _with_known_columns(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """Rename and convert columns that are known under another spelling or unit.
+
+    Raises
+    ------
+    UsageError
+        If a known quantity has no unit or an unknown one: its cells would be kept as text.
+    """
+    notes: list[str] = []
+    renamed: dict[str, str] = {}
+    for name in map(str, table.columns):
+        plain = re.sub(r"[\s\-]+", "_", re.sub(r"[\(\[]\s*(.*?)\s*[\)\]]", r" \1", name).strip())
+        suffix = "_std" if plain.lower().endswith("_std") else ""
+        bare = plain[: len(plain) - len(suffix)].lower()
+        if bare in ("clip", "ball", "session") and not suffix:
+            renamed[name] = bare
+            continue
+        for wanted, (stem, factors) in _OTHER_UNITS.items():
+            unit = bare.removeprefix(f"{stem}_")
+            if bare == wanted:
+                renamed[name] = wanted + suffix
+            elif bare == stem:
+                raise UsageError(
+                    f"{path}: the column {name!r} states no unit",
+                    hint=f"Name it {wanted}{suffix}, or with another unit"
+                    f" ({', '.join(f'{stem}_{one}' for one in factors)}).",
+                )
+            elif bare.startswith(f"{stem}_") and unit in factors:
+                cells = [
+                    _converted(path, line, name, cell, factors[unit])
+                    for line, cell in enumerate(table[name], start=2)
+                ]
+                table[name] = pd.Series(cells, index=table.index, dtype=object)
+                renamed[name] = wanted + suffix
+                notes.append(f"The column {name} is converted to {wanted}{suffix}.")
+    clash = [new for old, new in renamed.items() if new != old and new in table.columns]
+    if clash:
+        raise UsageError(f"{path} has two columns for {clash[0]}", hint="Remove one of them.")
+    return table.rename(columns=renamed), tuple(notes)
+
+
+def _converted(path: Path, line: int, column: str, cell: object, factor: float) -> object:
+    text = str(cell).strip()
+    return "" if not text else repr(factor * _number(path, line, column, text))
 
 
 _RESERVED = frozenset(

@@ -224,7 +224,8 @@ def _measured(request: Request) -> dict[str, Any]:
         with written_whole(Path(request.picture)) as temporary:
             temporary.write_bytes(_small_jpeg(still))
     if not any(item.known for item in measured.quantities):
-        reason = measured.quantity("ball_speed").reason
+        causes = [finding.sentence for finding in measured.findings]
+        reason = causes[0] if causes else measured.quantity("ball_speed").reason
         return {"error": f"nothing can be measured: {reason}", "document": document}
     return {"document": document}
 

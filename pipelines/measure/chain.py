@@ -19,6 +19,7 @@ from calib.solve import LOG_FOCAL_STD, Solved
 from metrology import CalibrationError, MeasurementError, UncertaintySource
 from metrology.compiled import with_stack_space
 from pipelines.cache import Cache, clip_digest
+from pipelines.checker.clips import clip_findings
 from pipelines.measure.budget import (
     ClipConditions,
     Propagation,
@@ -353,6 +354,7 @@ def measurement_of(
     warnings : sequence of str
         From reading the clip; they come first.
     """
+    findings = clip_findings(followed, found.grid)
     return ClipMeasurement(
         info=info,
         rate=found.rate,
@@ -361,13 +363,21 @@ def measurement_of(
         gravity=found.results.gravity,
         checks=found.results.checks,
         warnings=tuple(
-            dict.fromkeys([*warnings, *motion_warning(followed.tracks.motion), *found.warnings])
+            dict.fromkeys(
+                [
+                    *(finding.sentence for finding in findings),
+                    *warnings,
+                    *motion_warning(followed.tracks.motion),
+                    *found.warnings,
+                ]
+            )
         ),
         tracks=_timed(followed.tracks, followed.seconds(found.rate.fps)),
         grid=found.grid,
         calibration=found.calibration,
         impact=found.evaluated.impact,
         defaults=followed.inputs.rig.defaults_used,
+        findings=findings,
     )
 
 

@@ -674,8 +674,9 @@ def _require_something(measured: ClipMeasurement, path: Path) -> None:
     named = [(item, kinds_of(item.name)) for item in measured.quantities]
     own = [item for item, kinds in named if kind in kinds and len(kinds) < len(MotionKind)]
     summary = dict.fromkeys(item.reason for item in own or measured.quantities if item.reason)
+    causes = [finding.sentence.rstrip(".") for finding in measured.findings]
     raise MeasurementError(
-        f"nothing can be measured from {path}: {'; '.join(list(summary)[:_REASONS])}",
+        f"nothing can be measured from {path}: {'; '.join([*causes, *summary][:_REASONS])}",
         hint="A flight must be visible over several frames or marks, a swing from end to end. If"
         " another object was tracked, point with --ball-at and --mass-at; among several tracks name"
         ' the ball with --columns "ball=NAME".',

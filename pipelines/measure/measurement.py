@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from calib.calibration import Calibration
 from calib.grid import WallGrid
 from metrology import NotFoundError, Quantity
+from pipelines.checker.scene import Finding
 from pipelines.measure.impact import Impact
 from pipelines.measure.inputs import QUANTITY_UNITS
 from pipelines.measure.metres import CameraMapping, MetricTracks
@@ -91,6 +92,8 @@ class ClipMeasurement:
         None if no strike was measured.
     defaults : tuple of RigNumber
         Properties of the apparatus whose value or uncertainty is a default.
+    findings : tuple of Finding
+        Inputs that contradict each other, each with cause and cure; they lead the warnings.
     """
 
     info: ClipInfo
@@ -105,6 +108,7 @@ class ClipMeasurement:
     calibration: Calibration | None
     impact: Impact | None
     defaults: tuple[RigNumber, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     @property
     def motion(self) -> Motion:

@@ -277,20 +277,27 @@ def luma_image(frame: Any) -> GrayImage:
         pixels = _converted(frame, "rgb48le" if deep else "rgb24")
         mixed: GrayImage = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), pixels.dtype)
         return mixed
-    plane = frame.planes[0]
     if depth <= 8:
-        stored = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)
-        gray = stored[: frame.height, : frame.width]
+        gray = _stored(frame, np.dtype(np.uint8))
         if _full_range(frame):
             return gray.copy()
         return np.asarray(cv2.LUT(gray, _limited_table(8)), np.uint8)
     order = ">u2" if name.endswith("be") else "<u2"
-    words = np.frombuffer(plane, order).reshape(-1, plane.line_size // 2)
     shift = 16 - depth if name.startswith(("p0", "p2", "p4")) else 0
-    levels = words[: frame.height, : frame.width] >> shift
+    levels = _stored(frame, np.dtype(order)) >> shift
     table = _full_table(depth) if _full_range(frame) else _limited_table(depth)
     scaled: GrayImage = table[np.minimum(levels, len(table) - 1)]
     return scaled
+
+
+def _stored(frame: Any, kind: np.dtype[Any]) -> NDArray[Any]:
+    """Samples (H, W) of the first plane, top line first."""
+    plane = frame.planes[0]
+    if plane.line_size < 0:
+        # Phantom's and Windows' files store the bottom line first.
+        return np.asarray(frame.to_ndarray()[: frame.height, : frame.width])
+    lines = np.frombuffer(plane, kind).reshape(-1, plane.line_size // kind.itemsize)
+    return lines[: frame.height, : frame.width]
 
 
 def colour_image(frame: Any) -> NDArray[np.uint8]:

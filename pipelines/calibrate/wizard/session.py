@@ -34,6 +34,7 @@ from metrology import (
     write_text_whole,
 )
 from pipelines.calibrate.wizard.answers import Answers, BallKind, BallSeen, WallSource, track_ball
+from pipelines.checker.scene import SceneFacts, findings_of
 from vision.clip.footage import nominal_rate_std
 
 __all__ = [
@@ -119,7 +120,8 @@ def outlook(answers: Answers) -> Outlook:
     try:
         found = solve(answers.grid, evidence_of(answers), lens=prior).calibration
     except CalibrationError as problem:
-        return Outlook(None, problem=problem.in_one_line)
+        causes = [finding.sentence for finding in findings_of(facts_of(answers))]
+        return Outlook(None, problem=" ".join([*causes, problem.in_one_line]))
     landing, seen = answers.landing
     rest = answers.rest
     start = np.zeros(2) if rest is None else found.position(rest)[0]
@@ -137,7 +139,28 @@ def outlook(answers: Answers) -> Outlook:
     ]
     shown = [line for line in lines if line.std > 0.0]
     shown.sort(key=lambda line: -line.std)
-    return Outlook(found, distance, tuple(shown), not seen, warnings=found.warnings)
+    causes = [finding.sentence for finding in findings_of(facts_of(answers))]
+    warnings = (*causes, *found.warnings)
+    return Outlook(found, distance, tuple(shown), not seen, warnings=warnings)
+
+
+def facts_of(answers: Answers) -> SceneFacts:
+    """The facts that the checker compares, as `measure` has them from clip and setup file."""
+    flight = None if answers.seen is None else answers.seen.flight
+    empty = np.zeros(0)
+    fps = answers.capture_fps
+    ball, far, near = answers.ball, answers.camera_distance, answers.ball_plane_offset
+    return SceneFacts(
+        frame=empty if flight is None else flight.frame.astype(float),
+        centre_px=np.zeros((0, 2)) if flight is None else flight.centre_px,
+        radius_px=None if flight is None else flight.radius_px,
+        flies=flight is not None,
+        rate=(fps, nominal_rate_std(fps)) if answers.rate_known else None,
+        ball=None if ball is None else (ball.diameter, Defaults.BALL_DIAMETER.std * ball.diameter),
+        grid=answers.grid,
+        camera_distance=None if far is None else (far.value, far.std),
+        plane_offset=None if near is None else (near.value, near.std),
+    )
 
 
 def evidence_of(answers: Answers) -> Evidence:

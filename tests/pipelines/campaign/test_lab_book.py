@@ -92,3 +92,37 @@ def test_sixteen_bits_without_a_mark_are_told_as_such(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="UTF-16 without a byte order mark") as refused:
         read_lab_book(path)
     assert refused.value.hint == "Save it as CSV in UTF-8, or as .xlsx."
+
+
+@pytest.mark.parametrize(
+    ("head", "cell", "column", "value"),
+    [
+        ("landing_tape_cm", "193,7", "landing_tape_m", 1.937),
+        ("Landing tape (mm)", "1937", "landing_tape_m", 1.937),
+        ("landing_tape_m", "1.937", "landing_tape_m", 1.937),
+        ("backswing (rad)", "1.5708", "backswing_deg", 90.0),
+        ("Backswing_deg", "62,5", "backswing_deg", 62.5),
+        ("contact_time_fsr [ms]", "14.5", "contact_time_fsr_s", 0.0145),
+        ("landing_tape_cm_std", "0,5", "landing_tape_m_std", 0.005),
+        ("impact_speed_encoder_km_h", "18", "impact_speed_encoder_m_s", 5.0),
+    ],
+)
+def test_other_units_and_spellings_are_converted(
+    tmp_path: Path, head: str, cell: str, column: str, value: float
+) -> None:
+    path = tmp_path / "trials.csv"
+    path.write_text(f'CLIP;Ball;{head}\na.mp4;jokku;"{cell}"\n')
+    book = read_lab_book(path)
+    (strike,) = book.strikes
+    assert (strike.clip, strike.ball) == ("a.mp4", "jokku")
+    assert strike.cells[column] == pytest.approx(value, rel=1e-4)
+    assert head == column or head == "Backswing_deg" or any(head in note for note in book.notes)
+
+
+@pytest.mark.parametrize("head", ["backswing", "landing tape", "contact_time_fsr"])
+def test_a_known_column_without_a_unit_is_refused(tmp_path: Path, head: str) -> None:
+    path = tmp_path / "trials.csv"
+    path.write_text(f"clip,{head}\na.mp4,62\n")
+    with pytest.raises(UsageError, match="states no unit") as refusal:
+        read_lab_book(path)
+    assert head.replace(" ", "_") + "_" in str(refusal.value.hint)

@@ -335,3 +335,16 @@ def test_capture_times_keep_gaps_and_need_no_decoding(tmp_path):
     for index in range(3):
         cv2.imwrite(str(tmp_path / f"{index}.png"), scene(20, 20))
     assert ClipReader.open(tmp_path).capture_times(600.0) == pytest.approx(np.arange(3) / 600)
+
+
+def test_lines_stored_from_the_bottom_are_read_upright():
+    folder = shared_folder("inputs")
+    phantom = ClipReader.open(folder / "r17_phantom_7_frames.cine")
+    frames = list(phantom.frames())
+    coloured = [image for _, image in phantom.colour_frames()]
+    whole = ClipReader.open(folder / "base_strike.mkv").frames(0, len(frames))
+    for frame, image, same in zip(frames, coloured, whole, strict=True):
+        size = frame.gray.shape[::-1]
+        small = cv2.resize(same.gray, size, interpolation=cv2.INTER_AREA).astype(float)
+        assert np.corrcoef(small.ravel(), frame.gray.ravel())[0, 1] > 0.99
+        assert np.corrcoef(small.ravel(), image.mean(axis=2).ravel())[0, 1] > 0.99

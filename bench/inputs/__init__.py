@@ -1,0 +1,1 @@
+"""Inputs as people hand them in: what comes out of each."""

@@ -1,0 +1,336 @@
+"""Check rate, scale, ball, grid and distances of a scene against each other and gravity.
+
+Each finding names the input at fault, the value with which everything fits, and the option that
+sets it. All commands ask this module, so that the same input gives the same finding everywhere.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.grid import WallGrid
+from metrology import Defaults
+from metrology.quantity import format_value
+from pipelines.checker.balance import Cause, Contradictory, Input, Relation, weigh
+from pipelines.checker.fall import Fall, find_fall
+
+__all__ = ["Finding", "SceneFacts", "findings_of"]
+
+FloatArray = NDArray[np.float64]
+
+_OUTLINE_STD = 0.025
+"""Relative std of the ball's outline and of its nominal diameter (chosen: blur and seams)."""
+
+_FALL_STD = 0.02
+"""Relative std of a fall against g (derived: drag of the heaviest and lightest balls at 5 m/s)."""
+
+_WALL_STD = 0.02
+"""Relative std of the wall's local scale at the ball (chosen: tilt of the camera)."""
+
+_UNKNOWN_RATIO, _UNKNOWN_RATIO_STD = 0.93, 0.07
+"""Distance of the ball's plane from the camera over that of the wall, where it was not measured
+(chosen: from the wall itself to a fifth of the distance in front of it)."""
+
+_RATES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 150, 180, 200, 240, 250, 300, 400, 420, 480, 500)
+_USUAL = {
+    "rate": (*map(float, _RATES), 600.0, 720.0, 960.0, 1000.0, 1200.0, 2000.0),
+    "grid": (0.005, 0.01, 0.02, 0.025, 0.0254, 0.03, 0.04, 0.05, 0.0508, 0.1, 0.2),
+}
+"""Usual values, 1/s and m."""
+
+_USUAL_SIGMAS, _USUAL_RELATIVE = 2.5, 0.03
+"""Standard deviations, and relative difference, within which a usual value is proposed (chosen)."""
+
+_MIN_ROWS = 10
+"""Rows of a flight that is used (chosen)."""
+
+_MAX_SLANT = 0.35
+"""Horizontal over vertical acceleration of a fall (chosen: a camera rolled by 20°)."""
+
+_SLIPS = (
+    (0.5, "It may be the radius."),
+    (math.pi, "It may be the circumference."),
+    (10.0, "The unit may be cm instead of mm."),
+    (0.1, "The unit may be mm instead of cm."),
+)
+"""Stated over true value of usual slips."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneFacts:
+    """What is stated of a scene and what was seen in it.
+
+    Attributes
+    ----------
+    frame : (N,) array
+        Times of the ball, in pictures of the camera.
+    centre_px : (N, 2) array
+    radius_px : (N,) array or None
+        Observed radius; None if it was not observed.
+    flies : bool
+        Whether the ball may fly freely in part of the track.
+    rate : tuple of float or None
+        Stated pictures per second with their std.
+    ball : tuple of float or None
+        Diameter with its std, m.
+    scale : tuple of float or None
+        m/px with its std.
+    grid : WallGrid or None
+    pitch_stated : bool
+        False if its pitch is assumed.
+    camera_distance, plane_offset : tuple of float or None
+        With their std, m.
+    """
+
+    frame: FloatArray
+    centre_px: FloatArray
+    radius_px: FloatArray | None
+    flies: bool
+    rate: tuple[float, float] | None
+    ball: tuple[float, float] | None
+    scale: tuple[float, float] | None = None
+    grid: WallGrid | None = None
+    pitch_stated: bool = True
+    camera_distance: tuple[float, float] | None = None
+    plane_offset: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A contradiction, or facts that are missing.
+
+    Attributes
+    ----------
+    key : str
+        The input at fault: "rate", "ball", "grid", "distance", "scale"; "facts" if some are
+        missing.
+    sentence : str
+        Cause and cure.
+    option : str
+        What sets the value: ``--wall-grid 50mm``.
+    value, std : float or None
+        With which everything fits, SI.
+    """
+
+    key: str
+    sentence: str
+    option: str
+    value: float | None = None
+    std: float | None = None
+
+
+def findings_of(facts: SceneFacts) -> tuple[Finding, ...]:
+    """Contradictions among the facts, each with cause and cure; empty if they agree."""
+    fall = _fall(facts)
+    missing = _missing(facts, fall)
+    if missing is not None:
+        return (missing,)
+    inputs, relations = _equations(facts, fall)
+    found = weigh(inputs, relations)
+    if found is None:
+        return ()
+    # the ball's plane is in front of the wall
+    causes = [cause for cause in found.causes if cause.key != "ratio" or cause.value < 1.0]
+    names = [relation.name for relation in relations]
+    if not causes:
+        return (_unresolved(found, [one for one in inputs if one.stated], names),)
+    return (_joined(found, [_cure(cause, facts) for cause in causes], names),)
+
+
+def _unresolved(found: Contradictory, inputs: Sequence[Input], names: Sequence[str]) -> Finding:
+    labels = [_LABELS[one.key] for one in inputs]
+    return Finding(
+        "several",
+        f"Likely cause: the inputs contradict each other (χ² {found.chi2:.0f} for"
+        f" {found.degrees} excess equations of {_listed(names)}), and no single change makes them"
+        f" fit. Check {_listed(labels)}, and that the ball was tracked.",
+        "",
+    )
+
+
+_LABELS = {
+    "rate": "the capture rate (--fps)",
+    "ball": "the ball's diameter (--ball)",
+    "grid": "the grid's pitch (--wall-grid)",
+    "scale": "the scale (--scale)",
+    "ratio": "the distances in [camera] and [wall] of the setup file",
+}
+
+
+def _fall(facts: SceneFacts) -> Fall | None:
+    if not facts.flies or len(facts.frame) < _MIN_ROWS:
+        return None
+    fall = find_fall(facts.frame, facts.centre_px)
+    if fall is None:
+        return None
+    across, down = fall.acceleration
+    return fall if down > 0.0 and abs(across) < _MAX_SLANT * down else None
+
+
+def _missing(facts: SceneFacts, fall: Fall | None) -> Finding | None:
+    """Facts without which there are neither metres nor seconds."""
+    scaled = facts.ball is not None or facts.scale is not None or facts.grid is not None
+    if facts.rate is not None or scaled:
+        return None
+    seen = []
+    if facts.radius_px is not None and len(facts.radius_px):
+        seen.append(f"the ball is {2.0 * float(np.median(facts.radius_px)):.0f} px wide")
+    if fall is not None:
+        seen.append(
+            f"it falls with {fall.acceleration[1]:.3g} ± {fall.std:.1g} px per picture squared"
+        )
+    text = f" Seen: {' and '.join(seen)}." if seen else ""
+    option = "--fps RATE --ball DIAMETER"
+    return Finding(
+        "facts",
+        "Two facts are missing: the camera's rate and one length. Pass both, for example --fps 240"
+        f" --ball 220mm (instead of the ball: --wall-grid 50mm or --scale '410 px/m').{text}",
+        option,
+    )
+
+
+def _equations(facts: SceneFacts, fall: Fall | None) -> tuple[list[Input], list[Relation]]:
+    inputs: list[Input] = []
+    relations: list[Relation] = []
+    if facts.rate is not None:
+        inputs.append(Input("rate", facts.rate[0], max(facts.rate[1] / facts.rate[0], 1e-4)))
+    if facts.scale is not None:
+        inputs.append(Input("scale", facts.scale[0], max(facts.scale[1] / facts.scale[0], 1e-3)))
+    rows = slice(None) if fall is None else slice(fall.first, fall.last + 1)
+    if facts.ball is not None and facts.radius_px is not None:
+        wide = 2.0 * float(np.median(facts.radius_px[rows]))
+        inputs.append(Input("ball", facts.ball[0], max(facts.ball[1] / facts.ball[0], 1e-3)))
+        relations.append(
+            Relation("the ball's outline", {"scale": 1.0, "ball": -1.0}, 1.0 / wide, _OUTLINE_STD)
+        )
+    if facts.grid is not None and len(facts.centre_px):
+        ratio, std, stated = _plane_ratio(facts)
+        inputs.append(Input("grid", facts.grid.pitch_m, 0.005))
+        inputs.append(Input("ratio", ratio, std, stated))
+        middle = np.median(facts.centre_px[rows], axis=0)
+        period = 1.0 / np.linalg.norm(facts.grid.map.jacobian(middle), axis=-1)
+        relations.append(
+            Relation(
+                "the grid",
+                {"scale": 1.0, "grid": -1.0, "ratio": -1.0},
+                1.0 / float(np.sqrt(np.prod(period))),
+                _WALL_STD,
+            )
+        )
+    if fall is not None:
+        size = float(np.hypot(*fall.acceleration))
+        relations.append(
+            Relation(
+                "free fall",
+                {"scale": 1.0, "rate": 2.0},
+                Defaults.GRAVITY.known / size,
+                math.hypot(_FALL_STD, fall.std / size),
+            )
+        )
+    return inputs, relations
+
+
+def _plane_ratio(facts: SceneFacts) -> tuple[float, float, bool]:
+    """Scale of the ball's plane over the wall's, 1 − z/Z, its relative std, and if measured."""
+    if facts.camera_distance is None or facts.plane_offset is None:
+        return _UNKNOWN_RATIO, _UNKNOWN_RATIO_STD, False
+    (far, far_std), (near, near_std) = facts.camera_distance, facts.plane_offset
+    ratio = 1.0 - near / far
+    if not 0.0 < ratio <= 1.0:
+        return _UNKNOWN_RATIO, _UNKNOWN_RATIO_STD, False
+    std = math.hypot(near_std / far, near * far_std / far**2) / ratio
+    return ratio, max(std, 1e-3), True
+
+
+@dataclass(frozen=True)
+class _Cure:
+    cause: Cause
+    label: str
+    stated: str
+    fits: str
+    option: str
+    usual: bool
+    slip: str
+
+
+def _cure(cause: Cause, facts: SceneFacts) -> _Cure:
+    value, usual = _usual(cause)
+    if cause.key == "rate":
+        return _made(cause, "the capture rate", "fps", 1.0, f"--fps {value:.6g}", usual)
+    if cause.key == "ball":
+        return _made(cause, "the ball's diameter", "mm", 1e3, f"--ball {1e3 * value:.4g}mm", usual)
+    if cause.key == "grid":
+        label = "the wall grid" if facts.pitch_stated else "the wall grid, assumed"
+        return _made(cause, label, "mm", 1e3, f"--wall-grid {1e3 * value:.4g}mm", usual)
+    if cause.key == "scale":
+        option = f"--scale '{1e3 * value:.4g} mm/px'"
+        return _made(cause, "the scale", "mm/px", 1e3, option, usual)
+    assert facts.camera_distance is not None
+    assert facts.plane_offset is not None
+    near, far = facts.plane_offset[0], facts.camera_distance[0]
+    option = (
+        f'ball_plane_offset = "{far * (1.0 - value):.3g} m" in [wall] or'
+        f' distance_to_wall = "{near / (1.0 - value):.3g} m" in [camera]'
+    )
+    return _made(
+        cause, "one of the two distances (camera to wall, ball to wall)", "", 1.0, option, usual
+    )
+
+
+def _made(cause: Cause, label: str, unit: str, factor: float, option: str, usual: bool) -> _Cure:
+    stated = f"{factor * cause.stated:.4g} {unit}".strip()
+    fits = f"{format_value(factor * cause.value, factor * cause.std, unit or '1')}"
+    ratio = cause.stated / cause.value
+    slips = [text for slip, text in _SLIPS if abs(math.log(ratio / slip)) < _USUAL_RELATIVE]
+    slip = f" {slips[0]}" if slips and cause.key == "ball" else ""
+    return _Cure(cause, label, stated, fits, option, usual, slip)
+
+
+def _usual(cause: Cause) -> tuple[float, bool]:
+    """A usual value near the estimate, or the estimate itself."""
+    near = [
+        value
+        for value in _USUAL.get(cause.key, ())
+        if abs(value - cause.value) < max(_USUAL_SIGMAS * cause.std, 0.0)
+        and abs(value / cause.value - 1.0) < _USUAL_RELATIVE
+    ]
+    if not near:
+        return float(f"{cause.value:.3g}"), False
+    return min(near, key=lambda value: abs(value - cause.value)), True
+
+
+def _joined(found: Contradictory, cures: Sequence[_Cure], names: Sequence[str]) -> Finding:
+    cures = sorted(cures, key=lambda cure: (not cure.usual, cure.cause.chi2))
+    best = cures[0]
+    others = _listed(names)
+    if len(cures) == 1:
+        numbers = f"{best.fits} instead of {best.stated}"
+        if best.cause.key == "ratio":
+            numbers = "another one"
+        sentence = (
+            f"Likely cause: {best.label} does not fit the rest ({others}). With {numbers}"
+            f" everything fits (χ² {best.cause.chi2_before:.0f} → {best.cause.chi2:.0f}):"
+            f" {best.option}.{best.slip}"
+        )
+    else:
+        choices = "; ".join(
+            f"{cure.label} is {cure.fits} instead of {cure.stated}: {cure.option}{cure.slip}"
+            if cure.cause.key != "ratio"
+            else f"{cure.label} is wrong: {cure.option}"
+            for cure in cures
+        )
+        sentence = (
+            f"Likely cause: the inputs contradict each other (χ² {found.chi2:.0f} for"
+            f" {found.degrees} excess equations of {others}). One change makes everything fit:"
+            f" {choices}."
+        )
+    return Finding(best.cause.key, sentence, best.option, best.cause.value, best.cause.std)
+
+
+def _listed(names: Sequence[str]) -> str:
+    if len(names) < 2:
+        return "".join(names)
+    return f"{', '.join(names[:-1])} and {names[-1]}"
