@@ -27,7 +27,7 @@ own.
 import hashlib
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -563,8 +563,8 @@ class _Evidence:
 
 
 _MAX_NEAR_TO_WITHIN = 2.0
-"""Mean square to the nearer neighbour over that within a picture: the same in woven fields (derived;
-measured 1.0 to 1.2), 2.9 and more in whole pictures that were taken for woven."""
+"""Mean square to the nearer neighbour over that within a picture: the same in woven fields
+(derived; measured 1.0 to 1.2), 2.9 and more in whole pictures that were taken for woven."""
 
 _MIN_LINES = 4
 """Lines of a picture (derived): a bottom line between two top lines, and its pair."""
@@ -847,9 +847,11 @@ def is_image(path: Path) -> bool:
 class ImageFrame:
     """One image, read on request."""
 
-    def __init__(self, index: int, path: Path, shape: tuple[int, int] | None) -> None:
+    def __init__(
+        self, index: int, path: Path, shape: tuple[int, int] | None, time_s: float | None = None
+    ) -> None:
         self.index = index
-        self.time_s = float(index)
+        self.time_s = float(index) if time_s is None else time_s
         self._path = path
         self._shape = shape
 
@@ -907,6 +909,7 @@ class ImageFolder:
                 f"there are no images in the folder {path}",
                 hint="Pass a video file, or a folder of numbered PNG, JPEG, BMP or TIFF images.",
             )
+        self._times, said = _times_of_names([path.name for path in self._paths])
         first = ImageFrame(0, self._paths[0], None).gray()
         self._shape = (int(first.shape[0]), int(first.shape[1]))
         self.damage: tuple[str, ...] = ()
@@ -921,24 +924,24 @@ class ImageFolder:
             codec=self._paths[0].suffix.lower().lstrip("."),
             container_fps=1.0,
             container_declares_rate=False,
-            duration_s=float(len(self._paths) - 1),
+            duration_s=float(self._times[-1]),
             rotation=0,
             weave="progressive",
             bit_depth=8 * first.dtype.itemsize,
             capture_fps_metadata=None,
             variable_rate=False,
-            warnings=() if note is None else (note,),
+            warnings=tuple(one for one in (note, said) if one is not None),
         )
 
     @property
     def times_s(self) -> NDArray[np.float64]:
-        """Image numbers, used as times."""
-        return np.arange(len(self._paths), dtype=np.float64)
+        """Image numbers, used as times; 0 at the first."""
+        return self._times
 
     def pictures(self) -> Iterator[ImageFrame]:
         """Yield the images in order."""
         for index, path in enumerate(self._paths):
-            yield ImageFrame(index, path, self._shape)
+            yield ImageFrame(index, path, self._shape, float(self._times[index]))
 
     def _digest(self) -> str:
         digest = hashlib.sha256()
@@ -946,6 +949,47 @@ class ImageFolder:
             digest.update(path.name.encode())
             digest.update(hashlib.sha256(path.read_bytes()).digest())
         return digest.hexdigest()
+
+
+_MAX_NUMBER_STEP = 10
+"""Step of the images' numbers up to which they count pictures (chosen); larger ones are times."""
+
+
+def _times_of_names(names: Sequence[str]) -> tuple[FloatArray, str | None]:
+    """Times of images in pictures, from the numbers in their names, and a note.
+
+    Images whose numbers have holes, or go in steps of two, were taken out of a recording: their
+    numbers are its clock. Names without one number that counts give the order.
+    """
+    order = np.arange(len(names), dtype=np.float64)
+    groups = [re.findall(r"\d+", name) for name in names]
+    if len(names) < 3 or len({len(group) for group in groups}) != 1 or not groups[0]:
+        return order, None
+    numbers = np.array([[int(part[-15:]) for part in group] for group in groups], dtype=np.int64)
+    counting = [column for column in numbers.T if np.all(np.diff(column) > 0)]
+    if len(counting) != 1:
+        return order, None
+    steps = np.diff(counting[0])
+    step = int(np.gcd.reduce(steps))
+    if step > _MAX_NUMBER_STEP or int(np.median(steps)) != step:
+        return order, None
+    since = (counting[0] - counting[0][0]).astype(np.float64)
+    lacking = int((steps // step - 1).sum())
+    said = []
+    if step > 1:
+        said.append(
+            f"The images' numbers go in steps of {step}: the camera's rate is taken to be that of"
+            " the numbers."
+        )
+    if lacking:
+        holes = [
+            f"{counting[0][k]} and {counting[0][k + 1]}" for k in np.flatnonzero(steps > step)[:4]
+        ]
+        said.append(
+            f"{lacking} images are missing, between the numbers {', '.join(holes)}; the times of"
+            " the others account for them."
+        )
+    return since, " ".join(said) or None
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:
