@@ -35,7 +35,10 @@ class ClipsOrCommand(DefaultCommandGroup):
 _ClipsArgument = Annotated[
     list[Path], typer.Argument(metavar="CLIPS|FOLDER...", help="Clips, or folders of clips.")
 ]
-_OutOption = Annotated[Path, typer.Option("--out", help="Results folder of the campaign.")]
+_OutOption = Annotated[
+    Path | None,
+    typer.Option("--out", help="Results folder of the campaign; default: FOLDER/results."),
+]
 _TrialsOption = Annotated[Path | None, typer.Option("--trials", help="Lab book (CSV or XLSX).")]
 _BallOption = Annotated[
     str | None, typer.Option("--ball", help="Ball of clips without one in the lab book.")
@@ -72,7 +75,7 @@ _QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, 
 
 def campaign_command(
     clips: _ClipsArgument,
-    out: _OutOption,
+    out: _OutOption = None,
     trials: _TrialsOption = None,
     setup: SetupOption = None,
     fps: FpsOption = None,
@@ -95,7 +98,7 @@ def campaign_command(
     """
     asked = CampaignOptions(
         clips=tuple(clips),
-        out=out,
+        out=_results_folder(clips, out),
         trials=trials,
         setup=setup,
         fps=fps,
@@ -134,6 +137,27 @@ def campaign_command(
             f"{len(done.wanting)} clips could not be measured:\n" + "\n".join(done.wanting[:50]),
             hint="Remove the cause, then run the same command with --retry-failed.",
         )
+
+
+def _results_folder(clips: list[Path], out: Path | None) -> Path:
+    """The folder given, or ``results`` in the first folder of clips.
+
+    Raises
+    ------
+    UsageError
+        If a file is named.
+    """
+    if out is None:
+        return (clips[0] if clips[0].is_dir() else clips[0].parent) / "results"
+    if out.suffix.lower() in _FILE_SUFFIXES and not out.is_dir():
+        raise UsageError(
+            f"--out {out} is the name of a file; a campaign writes a folder of results",
+            hint=f"Pass a folder: --out {out.with_suffix('')}. It gets results.csv and .xlsx.",
+        )
+    return out
+
+
+_FILE_SUFFIXES = frozenset({".csv", ".xlsx", ".json", ".html", ".txt", ".parquet", ".toml"})
 
 
 def _watched(asked: CampaignOptions, quiet: bool) -> Campaign:
@@ -176,8 +200,11 @@ def _with_progress(asked: CampaignOptions, quiet: bool) -> Campaign:
 
         def on_clip(progress: RunProgress, outcome: AttemptOutcome) -> None:
             bar.update(task, total=progress.todo, completed=progress.done + progress.failed)
-            if outcome.state == State.FAILED and not quiet:
-                errors.print(f"{outcome.clip}: {outcome.error}", soft_wrap=True)
+            failed = outcome.state == State.FAILED
+            if not quiet and (failed or not errors.is_terminal):
+                count = f"{progress.done + progress.failed}/{progress.todo} "
+                said = outcome.error if failed else f"measured in {outcome.seconds:.1f} s"
+                errors.print(f"{count}{outcome.clip}: {said}", soft_wrap=True, markup=False)
 
         try:
             return conduct(asked, on_clip)

@@ -218,3 +218,26 @@ def test_without_dask_the_extra_is_named(lab: Path, monkeypatch: pytest.MonkeyPa
     assert ran.exit_code == 2
     assert "impact-vision[cluster]" in ran.output
     assert _campaign(lab).exit_code == 0
+
+
+def test_results_go_next_to_the_clips_and_never_into_a_file(lab: Path) -> None:
+    given = ["campaign", str(lab / "clips"), "--setup", str(lab / "lab.toml"), "-j", "1"]
+    refused = CliRunner().invoke(app, [*given, "--out", str(lab / "res.csv")])
+    assert refused.exit_code == 2
+    assert f"--out {lab / 'res'}" in refused.output.replace("\n", "")
+    ran = CliRunner().invoke(app, given)
+    assert ran.exit_code == 0, ran.output
+    assert (lab / "clips" / "results" / "results.csv").is_file()
+    # without a terminal each clip has its line
+    lines = [line for line in ran.output.splitlines() if "measured in" in line]
+    assert [line.split(" ")[0] for line in lines] == ["1/3", "2/3", "3/3"]
+
+
+def test_a_wrong_input_is_the_reason_of_a_clip(lab: Path) -> None:
+    from pipelines.campaign.worker import Request, answer
+    from tests.shared_data import shared_folder
+
+    folder = shared_folder("inputs")
+    setup, clip = str(folder / "lab.toml"), str(folder / "base_strike.mkv")
+    reply = answer(Request(path=clip, setup=setup, fps="600", wall_grid="40mm"))
+    assert "--wall-grid 50mm" in str(reply.get("error") or reply["document"]["warnings"][0])
