@@ -2,7 +2,7 @@
 
 ``python -m bench.inputs [NAME…]`` runs ``../shared/inputs`` and clips made from its strike. An
 outcome is *right* if every compared quantity is within three standard uncertainties of the truth,
-*told* if the refusal or a warning names the cure, *wrong*, *misdiagnosed*, or a *crash*.
+*explained* if the refusal or a warning names the cure, *wrong*, *misdiagnosed*, or a *crash*.
 """
 
 import json
@@ -73,7 +73,7 @@ def verdict_of(case: Case, folder: Path, truth: dict[str, dict[str, float]]) -> 
         found = case.run(folder)
     except ImpactVisionError as problem:
         text = " ".join(str(problem).split())
-        return ("told" if case.cure and case.cure in text else "misdiagnosed"), text[:160]
+        return ("explained" if case.cure and case.cure in text else "misdiagnosed"), text[:160]
     except Exception as problem:  # a crash is one of the verdicts
         return "crash", f"{type(problem).__name__}: {problem}"[:160]
     if found is None:
@@ -81,16 +81,16 @@ def verdict_of(case: Case, folder: Path, truth: dict[str, dict[str, float]]) -> 
     known = [found.quantity(name) for name in COMPARED if found.quantity(name).known]
     if not known:
         text = " ".join(found.warnings)
-        return ("told" if case.cure and case.cure in text else "misdiagnosed"), text[:160]
+        return ("explained" if case.cure and case.cure in text else "misdiagnosed"), text[:160]
     sigmas = {
         one.name: ((one.value or 0.0) - truth[one.name]["value"]) / (one.std or 1.0)
         for one in known
     }
     off = {name: z for name, z in sigmas.items() if abs(z) > MAX_SIGMAS}
-    told = case.cure and case.cure in " ".join(found.warnings)
+    stated = case.cure and case.cure in " ".join(found.warnings)
     details = ", ".join(f"{name} {z:+.1f}" for name, z in (off or sigmas).items())
     if off:
-        return ("told" if told else "wrong"), details
+        return ("explained" if stated else "wrong"), details
     return "right", f"{len(known)} quantities, largest |z| {max(map(abs, sigmas.values())):.1f}"
 
 

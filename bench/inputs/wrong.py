@@ -1,4 +1,4 @@
-"""Count how often the checker finds a wrong input, and how often it blames a right one.
+"""Count how often the checker finds a wrong input and blames a right one.
 
 Each clip with a known set-up is tracked once; then its rate, ball and grid are stated rightly and
 wrongly: ``python -m bench.inputs.wrong FOLDER… > table.csv``.

@@ -1,4 +1,4 @@
-"""Decide which stated input contradicts the others, and what value would resolve it.
+"""Decide which stated input contradicts the others, and what would resolve it.
 
 Everything known is an equation between logarithms: the scale of the ball's plane, the capture rate,
 and the inputs. Each input has a prior: what was stated, with its uncertainty. An input is at fault

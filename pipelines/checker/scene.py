@@ -1,4 +1,4 @@
-"""Check rate, scale, ball, grid and distances of a scene against each other and gravity.
+"""Check rate, scale, ball, grid and distances against each other and gravity.
 
 Each finding names the input at fault, the value with which everything fits, and the option that
 sets it. All commands ask this module, so that the same input gives the same finding everywhere.
