@@ -16,6 +16,7 @@ import pandas as pd
 
 from metrology import UsageError
 from physics.domain import FloatArray
+from pipelines.interop.tables import refuse_sideways
 
 __all__ = ["Sheet", "TableLike", "name_of", "numbers_of", "read_sheet"]
 
@@ -261,6 +262,7 @@ def _read(path: Path, words: Sequence[str], notes: list[str], most: int | None) 
             f"can't read {path}: it is empty", hint="Pass a CSV file with a header line."
         )
     mark = _separator(lines[0])
+    refuse_sideways(path, lines[0].count(mark) + 1)
     header = [name.strip() for name in _fields([lines[0]], mark)[0]]
     _refuse_doubles(header, path.name)
     _refuse_open_quotes(path)

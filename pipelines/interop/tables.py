@@ -49,6 +49,7 @@ __all__ = [
     "plain_name",
     "read_table",
     "read_table_of_tracks",
+    "refuse_sideways",
     "unit_of",
 ]
 
@@ -431,6 +432,7 @@ def _frame_of(lines: Sequence[str], path: Path) -> pd.DataFrame:
         lines = [*lines[:at], lines[at].lstrip("#%/ "), *lines[at + 1 :]]
     mark = _separator(lines[at])
     cells = [re.split(mark, line.strip()) for line in lines[at : at + _HEADER_SEARCH_LINES]]
+    refuse_sideways(path, max(map(len, cells)))
     at += find_header(cells)
     try:
         with warnings.catch_warnings():
@@ -461,6 +463,20 @@ def _frame_of(lines: Sequence[str], path: Path) -> pd.DataFrame:
         )
     table.columns = pd.Index([str(name).strip() for name in table.columns])
     return _with_point_decimals(table)
+
+
+MAX_COLUMNS = 2000
+"""Columns of a table; more are a matrix, or a table written sideways. Chosen: the widest sheets of
+motion capture have some hundreds."""
+
+
+def refuse_sideways(path: Path, columns: int) -> None:
+    """Refuse a table with more columns than any table of trials or samples has."""
+    if columns > MAX_COLUMNS:
+        raise UsageError(
+            f"can't read {path}: its first line has more than {MAX_COLUMNS} columns",
+            hint="Write one row per sample or trial; a table that runs sideways has to be turned.",
+        )
 
 
 _HEADER_SEARCH_LINES = 14

@@ -193,6 +193,14 @@ def test_levels_with_one_repeat_say_why_there_is_no_test() -> None:
     assert "one row" in found["lack_of_fit_reason"]
 
 
+def test_a_table_that_runs_sideways_is_refused_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "wide.csv"
+    path.write_text(",".join(["v", "e", *(f"c{k}" for k in range(200_000))]) + "\n1,0.8\n")
+    done = CliRunner().invoke(app, ["law", str(path)])
+    assert done.exit_code == 2
+    assert "more than 2000 columns" in done.output
+
+
 def test_command_writes_everything(tmp_path: Path) -> None:
     path = tmp_path / "drops.csv"
     rows = "".join(

@@ -114,3 +114,9 @@ def test_a_table_without_end_is_thinned_evenly_and_told(tmp_path, monkeypatch):
     values, notes = column(sheet_of(tmp_path, raw))
     assert values.tolist() == list(range(0, 500, 6))
     assert any("one in 6 is read" in note for note in notes)
+
+
+def test_a_table_that_runs_sideways_is_refused_at_once(tmp_path):
+    wide = ",".join(["trial", *(f"c{k}" for k in range(500_000))])
+    with pytest.raises(UsageError, match="more than 2000 columns"):
+        sheet_of(tmp_path, f"{wide}\n{',1' * 500_000}\n")
