@@ -1,16 +1,12 @@
-"""A pivot from the arc that something swings on: a circle fitted by geometric least squares.
+"""Arcs of a swinging body in the picture, and registration of its appearance.
 
-A body that swings about a pivot, as a camera sees it: the picture of a rotation in a plane.
+A circle is fitted to positions by geometric least squares. In an oblique view each circle of a
+rotation is an ellipse; all of them share the pivot and the view, a 2 × 2 matrix that is upper
+triangular, since a rotation or a scale of the plane of the swing in itself changes nothing.
 
-Seen squarely, its points go round circles. Seen aslant, each circle is an ellipse; all of them
-share the pivot and the view, a 2 × 2 matrix that is upper triangular, since turning and scaling the
-plane of the swing in itself changes nothing.
-
-A rigid thing followed by its look: a patch registered against the known background.
-
-The patch is a layer: its look T and its opacity α in the patch's own coordinates. A frame shows
-α·T + (1 − α)·B where the patch lies; B is the known background there, so that grid lines sliding by
-behind its edge pull nothing. Shift and turn are fitted by Gauss–Newton on this difference.
+A rigid body is a layer with an appearance T and an opacity α in coordinates of its own: a frame
+shows α·T + (1 − α)·B where it is, with the known scene B behind it, so that grid lines behind its
+edge pull nothing. Shift and rotation are fitted by Gauss–Newton.
 """
 
 import math
@@ -198,7 +194,7 @@ def _wrapped(angle: FloatArray) -> FloatArray:
 def _squared(
     offset: FloatArray, shear: FloatArray | float, stretch: FloatArray | float
 ) -> tuple[FloatArray, FloatArray]:
-    """Offsets (..., 2) in the picture of a plane seen aslant, as in that plane."""
+    """Offsets (..., 2) in the picture of a plane in an oblique view, as in that plane."""
     y = offset[..., 1] / stretch
     return offset[..., 0] - shear * y, y
 
@@ -280,12 +276,12 @@ class ImagedSwing:
 # rad: what all turns may be off by together; a thick body shows more of one side as it swings.
 _TURN_STD = 0.012
 
-# A camera up to some 25° aslant shortens a plane by a tenth, and more towards the picture's edge.
+# An oblique view of up to some 25° shortens a plane by a tenth, and more at the picture's edge.
 _VIEW_STD = 0.06
 
 _SQUARE_STD = 0.005
 
-"""Dimensionless, shear and stretch of a swing seen square on, supposed: a camera set up by eye and
+"""Dimensionless, shear and stretch of a swing seen square on (chosen): a camera set up by eye and
 levelled."""
 
 _PIVOT_STD_SHARE = 0.5
@@ -302,13 +298,13 @@ _UNSURE = 2.0
 """Times the usual uncertainty of a place from which it counts for less: places of a body that is
 followed well are all known alike, to a factor of one and a half."""
 
-# How much better a view aslant has to do: by half a chi-square, and by this factor, since what a
-# body's depth and its light do to the track looks a little like a view aslant.
+# How much better an oblique view has to do: by half a chi-square, and by this factor, since what a
+# body's depth and its light do to the track looks a little like an oblique view.
 _TELLING, _TELLING_RATIO = 4.0, 2.0
 
-_FEWEST_POSES = 8
+_MIN_POSES = 8
 
-"""Poses: a swing seen aslant has six unknowns, and two more show whether it is one."""
+"""Poses: a swing in an oblique view has six unknowns, and two more show whether it is one."""
 
 
 @dataclass(frozen=True)
@@ -441,13 +437,13 @@ def fit_imaged_swing(start: ImagedSwing, poses: Sequence[Pose]) -> SwingThrough:
     SwingThrough
         Through the poses, robustly; the guess where there are fewer than eight.
     """
-    if len(poses) < _FEWEST_POSES:
+    if len(poses) < _MIN_POSES:
         arm = float(np.hypot(*(start.centre_px - start.pivot_px)))
         return SwingThrough(start, np.eye(2) * (_PIVOT_STD_SHARE * arm) ** 2, np.inf)
     square = _swing_through(start, poses, _SQUARE_STD)
-    aslant = _swing_through(start, poses, _VIEW_STD)
-    telling = aslant.cost < min(square.cost - _TELLING, square.cost / _TELLING_RATIO)
-    return aslant if telling else square
+    oblique = _swing_through(start, poses, _VIEW_STD)
+    telling = oblique.cost < min(square.cost - _TELLING, square.cost / _TELLING_RATIO)
+    return oblique if telling else square
 
 
 def _swing_through(start: ImagedSwing, poses: Sequence[Pose], view_std: float) -> SwingThrough:
@@ -487,7 +483,7 @@ def _swing_through(start: ImagedSwing, poses: Sequence[Pose], view_std: float) -
     found = minimise(residuals, np.zeros(5), soft_from=1.0, stacked=True, most_evaluations=60)
     if not np.all(np.isfinite(found.values)):
         return SwingThrough(start, np.diag(stds[:2] ** 2), np.inf)
-    # A body's look pulls its track about as a view aslant does, by more than the camera is aslant.
+    # A body's look pulls its track about as an oblique view does, by more than the view is oblique.
     slopes = found.jacobian.copy()
     look = slice(len(points) + 2, len(points) + 4)
     slopes[look] *= view_std / math.hypot(view_std, LOOK_PX / arm)

@@ -1,17 +1,11 @@
-"""The striking face of the pendulum mass as it is seen on its way to the ball.
+"""Pieces that may be the striking mass, its poses, its face, and tests of it.
 
-From a camera off to one side a thick mass shows its face as a strip: its foremost edge is the far
-rim, and where its side meets its face is the near rim. The ball meets the face between the two.
+A camera to one side sees the face of a thick mass as a strip: its foremost edge is the far rim; its
+side meets its face at the near rim. The ball meets the face between the two.
 
-The pendulum mass as it was followed: its poses, and what it hides.
-
-The pendulum mass before it strikes: what moved, stands behind the ball and nearly touches it.
-
-What moved is often the mass together with its shadow, or with the bar. Thresholds from the noise up
-to the strongest change peel one from the other; which of the pieces moves as one rigid thing is
-told by following them.
-
-Whether what was followed can have struck the ball: what two bodies do in a blow, in pixels.
+What differs from the scene is often the mass together with its shadow or its arm. Thresholds from
+the noise up to the strongest difference separate one from the other; following them shows which
+piece moves as one rigid body.
 """
 
 from collections.abc import Iterator
@@ -113,10 +107,10 @@ BoolArray = NDArray[np.bool_]
 
 FloatImage = NDArray[np.float32]
 
-_LOOK_BACK, _LEAST_LOOKS = 3.0, 12
+_LOOK_BACK, _MIN_LOOKS = 3.0, 12
 
-"""Ball's radii of flight, and frames at least, that are looked at for a mass before the strike,
-supposed: it swings through some of its own widths in them."""
+"""Ball's radii of flight, and frames at least, in which a mass is sought before the strike (chosen:
+it swings through some of its own widths in them)."""
 
 _LOWEST_SIGMA = 5.0
 
@@ -129,10 +123,10 @@ difference."""
 
 _THICKNESS, _SMALL_THICKNESS = 0.15, 0.06
 """Ball's radii: the least half thickness of a mass, and that of a small one before a large ball,
-which is looked for where nothing else struck; an arm or a cord is thinner, supposed."""
+which is looked for where nothing else struck; an arm or a cord is thinner (chosen)."""
 _BEHIND, _BESIDE = 4.0, 2.2
 """Ball's radii, behind its middle and to either side, in which a mass is looked for: it is near
-when it strikes, and hardly larger than the ball, supposed."""
+when it strikes, and hardly larger than the ball (chosen)."""
 
 _SMOOTHED_PX, _AROUND_PX = 0.7, 8
 """px: standard deviation by which noise is smoothed before it is compared, and how far beyond a
@@ -199,8 +193,8 @@ def find_mass(
     best: dict[int, MassCandidate] = {}
     free = max(3.0, 0.1 * radius)
     # Late enough to be near the ball, early enough to be seen free of it.
-    back = rest.frames_along(_LOOK_BACK, radius, _LEAST_LOOKS)
-    step = -2 if back >= 2 * _LEAST_LOOKS else -1
+    back = rest.frames_along(_LOOK_BACK, radius, _MIN_LOOKS)
+    step = -2 if back >= 2 * _MIN_LOOKS else -1
     behind = _Behind(rest, radius, scene.shape, _SMALL_THICKNESS if small else _THICKNESS)
     if not np.any(behind.region):
         return ()
@@ -343,12 +337,12 @@ COMPARED_WAYS = (0.75, 1.0, 1.1)
 true contacts of two renderers last as long as the ball then takes for 0.44 to 0.89 of its
 radius."""
 
-_FEWEST_PLACES = 4
+_MIN_PLACES = 4
 
 """Places: a straight line has two unknowns, and two more show whether it is one."""
 
 # Balls give back a tenth to all of the speed of approach; the rest is the coarseness of this look.
-_LEAST, _MOST = 0.1, 1.15
+_MIN_RESTITUTION, _MAX_RESTITUTION = 0.1, 1.15
 
 
 class Striking(IntEnum):
@@ -364,7 +358,7 @@ def striking(mass: MassPoses, ball: BallFits, rest: Rest) -> Striking:
     restitution = restitution_px(mass, ball, rest)
     if restitution is None:
         return Striking.UNKNOWN
-    agrees = _LEAST < restitution < _MOST
+    agrees = _MIN_RESTITUTION < restitution < _MAX_RESTITUTION
     return Striking.AGREES if agrees else Striking.CONTRADICTS
 
 
@@ -393,7 +387,7 @@ def restitution_px(mass: MassPoses, ball: BallFits, rest: Rest) -> float | None:
     along = float(-lever[1] * rest.direction[0] + lever[0] * rest.direction[1])
     radius = float(np.median(ball.radius))
     late = rest.last + rest.frames_along(COMPARED_WAYS[1], radius)
-    least = _FEWEST_PLACES
+    least = _MIN_PLACES
     before, after = (rest.frames_along(way, radius, least) for way in COMPARED_WAYS[::2])
     coming = _slope(mass.frame, angle, rest.last - before, rest.last)
     going = _slope(mass.frame, angle, late, late + after)
@@ -405,7 +399,7 @@ def restitution_px(mass: MassPoses, ball: BallFits, rest: Rest) -> float | None:
 
 def _slope(frame: NDArray[np.int64], value: FloatArray, first: int, last: int) -> float | None:
     used = (frame >= first) & (frame <= last)
-    if np.count_nonzero(used) < _FEWEST_PLACES:
+    if np.count_nonzero(used) < _MIN_PLACES:
         return None
     return float(np.polyfit(frame[used].astype(np.float64), value[used], 1)[0])
 
@@ -413,9 +407,9 @@ def _slope(frame: NDArray[np.int64], value: FloatArray, first: int, last: int) -
 _FRAMES = 10
 
 """Frames just before the strike in which the face is measured: near enough to the ball to see it
-under the same slant, supposed."""
+under the same slant (chosen)."""
 
-_FEWEST = 3
+_MIN_COUNT = 3
 
 """Frames: a median of fewer does not leave out one that is wrong."""
 
@@ -424,12 +418,12 @@ _STEP_PX = 0.5
 # How far from the middle of the mass, and from the ball's height, it is looked at, in ball radii.
 _BACK, _AHEAD, _HALF_HEIGHT = 0.7, 1.8, 0.35
 
-_LEAST_HALF_HEIGHT_PX = 2.0
+_MIN_HALF_HEIGHT_PX = 2.0
 
 # What stands around the edge: the strip of the face behind it, and the wall ahead of it.
-_STRIP, _WALL, _LEAST_WALL_PX = 0.5, 0.2, 3.0
+_STRIP, _WALL, _MIN_WALL_PX = 0.5, 0.2, 3.0
 
-"""Radii of the ball, and px at least, supposed: what stands around the edge, the strip of the face
+"""Radii of the ball, and px at least (chosen): what stands around the edge, the strip of the face
 behind it and the wall ahead of it."""
 
 _CUT_OFF, _CUT_OFF_PX = 0.2, 1.0
@@ -437,7 +431,7 @@ _CUT_OFF, _CUT_OFF_PX = 0.2, 1.0
 face: 0.17, root mean square, over rooms of two renderers."""
 
 _APART = 0.5
-"""The same for a piece that does not reach to the ball's height, supposed."""
+"""The same for a piece that does not reach to the ball's height (chosen)."""
 
 # How far ahead of the anchor a face may be, in ball radii.
 _REACH = 1.2
@@ -463,33 +457,33 @@ does at 0.018)."""
 # Samples half a pixel apart, interpolated, coded in blocks: so many count as one.
 _CORRELATED = 8.0
 
-_LEAST_STD_PX = 0.08
+_MIN_STD_PX = 0.08
 
-"""px, supposed: what an edge is off by besides noise, since its blur is no exact Gaussian."""
+"""px (chosen): what an edge is off by besides noise, since its blur is no exact Gaussian."""
 
 # F of two more parameters that is not met by chance, where a slot of the side may look alike.
 _TELLING = 12.0
 
-_LEAST_CONTRAST = 0.06
+_MIN_CONTRAST = 0.06
 
-"""Of the wall's light: less is shading of the wall itself, supposed."""
+"""Of the wall's light: less is shading of the wall itself (chosen)."""
 
-_LEAST_STRIP_PX = 0.7
+_MIN_STRIP_PX = 0.7
 
-"""px: a strip narrower than the point spread can't be told from a blurred edge."""
+"""px: a strip narrower than the point spread can't be distinguished from a blurred edge."""
 
 # Light that a shadow leaves, between that of the face and of the wall.
-_LEAST_SHADE = 0.25
+_MIN_SHADE = 0.25
 
-"""Of the light between that of the face and of the wall, supposed: what a shadow leaves at
+"""Of the light between that of the face and of the wall (chosen): what a shadow leaves at
 least."""
 
 _BLUR_PX = (0.4, 2.5)
 
-"""px, standard deviation of the edge: sharper than pixels themselves average can't be told, and
+"""px, standard deviation of the edge: sharper than pixels themselves average can't be measured, and
 softer is no edge to measure."""
 
-_MOST_TILT = 0.5
+_MAX_TILT = 0.5
 
 # Relative change of cost and parameters at which a fit has come to rest.
 _SETTLED = 1e-6
@@ -562,7 +556,7 @@ def find_face(
         start = look.outermost(look.clear_by(_REACH * radius))
         if start is None:
             continue
-        places = look.clear_by(start + max(_WALL * radius, _LEAST_WALL_PX))
+        places = look.clear_by(start + max(_WALL * radius, _MIN_WALL_PX))
         strip = look.seen(places)
         if strip is not None:
             found = _fitted(strip, start, radius)
@@ -570,7 +564,7 @@ def find_face(
         if found is not None:
             break
     cut = _cut_out_front(body, mass.patch, radius)
-    # what does not move with the piece is smeared over the frames: no two rims are told apart in it
+    # what does not move with the piece is smeared over the frames and shows no second rim
     apart = cut.edge_std >= _APART * radius
     if found is None or found.edge_std >= cut.edge_std or (apart and found.middle is None):
         found = cut
@@ -633,11 +627,11 @@ class _Look:
         spot = np.array([self.body.placed(middle, place)[0] for place in every])
         gap = np.hypot(*(self.rest.centre_px - spot).T) - self.radius - _BALL_MARGIN_PX
         clear = np.flatnonzero(gap > ahead)
-        return clear[-_FRAMES:] if len(clear) >= _FEWEST else np.argsort(-gap)[:_FEWEST][::-1]
+        return clear[-_FRAMES:] if len(clear) >= _MIN_COUNT else np.argsort(-gap)[:_MIN_COUNT][::-1]
 
     def seen(self, places: NDArray[np.int64]) -> _Strip | None:
         """Light over that of the scene behind, averaged over poses; None if hardly in view."""
-        reach = max(_HALF_HEIGHT * self.radius, _LEAST_HALF_HEIGHT_PX)
+        reach = max(_HALF_HEIGHT * self.radius, _MIN_HALF_HEIGHT_PX)
         along = np.arange(-_BACK * self.radius, _AHEAD * self.radius, _STEP_PX)
         rows = np.linspace(-reach, reach, 2 * int(np.ceil(reach)) + 1)
         spot = np.column_stack([grid.ravel() for grid in np.meshgrid(along, rows)])
@@ -651,7 +645,7 @@ class _Look:
             light = _light(_at(self.scene.picture(index), at) / self.scene.views[index].gain)
             total += free * light / _light(_at(self.before.in_frame(index), at))
             count += free
-        enough = count >= max(_FEWEST, 0.7 * len(places))
+        enough = count >= max(_MIN_COUNT, 0.7 * len(places))
         if not enough.any():
             return None
         return _Strip(spot[enough, 0], spot[enough, 1], total[enough] / count[enough])
@@ -669,10 +663,10 @@ class _Look:
         side = float(np.median(profile[inside]))
         bare = (np.abs(profile - 1.0) <= 0.5 * abs(side - 1.0))[place > 0]
         wall = np.flatnonzero(bare)
-        if abs(side - 1.0) < _LEAST_CONTRAST or len(wall) == 0:
+        if abs(side - 1.0) < _MIN_CONTRAST or len(wall) == 0:
             return None
         # from light to dark a profile passes the wall's light without being wall
-        wide = int(np.ceil(max(_WALL * self.radius, _LEAST_WALL_PX) / _STEP_PX))
+        wide = int(np.ceil(max(_WALL * self.radius, _MIN_WALL_PX) / _STEP_PX))
         lasting = [first for first in wall if bare[first : first + wide].all()]
         wall = np.array(lasting) if lasting else wall
         return float(place[place > 0][wall[0]]) - 0.5 * _STEP_PX
@@ -702,15 +696,15 @@ def _cut_out_front(body: _Body, patch: Patch, radius: float) -> _Edges:
     solid = patch.opacity > 0.5
     x, y = patch.x[solid], patch.y[solid]
     ahead, along = body.axes @ [cosine * x - sine * y, sine * x + cosine * y]
-    level = np.abs(along - body.height) < max(_HALF_HEIGHT * radius, _LEAST_HALF_HEIGHT_PX)
+    level = np.abs(along - body.height) < max(_HALF_HEIGHT * radius, _MIN_HALF_HEIGHT_PX)
     if level.any():
         return _Edges(float(ahead[level].max()), max(_CUT_OFF * radius, _CUT_OFF_PX), None, np.inf)
     return _Edges(float(ahead.max(initial=0.0)), _APART * radius, None, np.inf)
 
 
 def _fitted(strip: _Strip, start: float, radius: float) -> _Edges | None:
-    """The edge alone, or the two rims of the face where they can be told apart."""
-    beyond = max(_WALL * radius, _LEAST_WALL_PX)
+    """The edge alone, or the two rims of the face where they can be distinguished."""
+    beyond = max(_WALL * radius, _MIN_WALL_PX)
     strip = strip.on_the_mass(start).between(start - _STRIP * radius - 2.0, start + beyond)
     if len(strip.ahead) < 40:
         return None
@@ -728,20 +722,20 @@ def _fitted(strip: _Strip, start: float, radius: float) -> _Edges | None:
     ]
     three = min(shaded, key=lambda fit: fit.cost)
     wall, face, shade, deep = three.values[[3, 5, 7, 8]]
-    between = _LEAST_SHADE < (shade - face) / (wall - face + 1e-9) < 1.0 - _LEAST_CONTRAST
-    if three.tells_more_than(two) and between and deep > _LEAST_STRIP_PX:
+    between = _MIN_SHADE < (shade - face) / (wall - face + 1e-9) < 1.0 - _MIN_CONTRAST
+    if three.tells_more_than(two) and between and deep > _MIN_STRIP_PX:
         two = three
     middle, width = float(two.values[0]), float(two.values[6])
-    apart = abs(float(two.values[5] - two.values[4])) > _LEAST_CONTRAST
+    apart = abs(float(two.values[5] - two.values[4])) > _MIN_CONTRAST
     sharp = float(two.values[2]) < 0.95 * _BLUR_PX[1]
-    if two.tells_more_than(one) and apart and sharp and _LEAST_STRIP_PX < width < span - 1.0:
+    if two.tells_more_than(one) and apart and sharp and _MIN_STRIP_PX < width < span - 1.0:
         return _Edges(
             middle + 0.5 * width,
-            max(float(np.hypot(two.std[0], 0.5 * two.std[6])), _LEAST_STD_PX),
+            max(float(np.hypot(two.std[0], 0.5 * two.std[6])), _MIN_STD_PX),
             middle,
-            max(float(two.std[0]), _LEAST_STD_PX),
+            max(float(two.std[0]), _MIN_STD_PX),
         )
-    return _Edges(float(one.values[0]), max(float(one.std[0]), _LEAST_STD_PX), None, np.inf)
+    return _Edges(float(one.values[0]), max(float(one.std[0]), _MIN_STD_PX), None, np.inf)
 
 
 @dataclass(frozen=True)
@@ -762,8 +756,8 @@ class _StripFit:
             return _slopes(strip, values)
 
         first, last = float(strip.ahead.min()), float(strip.ahead.max())
-        low = np.array([first, -_MOST_TILT, _BLUR_PX[0], *[0.0] * 6])[: len(start)]
-        most = [last, _MOST_TILT, _BLUR_PX[1], *[np.inf] * 3, last - first, np.inf, last - first]
+        low = np.array([first, -_MAX_TILT, _BLUR_PX[0], *[0.0] * 6])[: len(start)]
+        most = [last, _MAX_TILT, _BLUR_PX[1], *[np.inf] * 3, last - first, np.inf, last - first]
         high = np.array(most)[: len(start)]
         scale = 1.4826 * float(np.median(np.abs(residuals(start)))) + 1e-3
         found = minimise(
@@ -807,8 +801,8 @@ class _StripParts:
         place, tilt, blur, wall, side = (float(one) for one in values[:5])
         face, width = values[5:7] if len(values) > 5 else (side, 0.0)
         shade, deep = values[7:9] if len(values) > 7 else (wall, 0.0)
-        told = (float(one) for one in (face, width, shade, deep))
-        return cls(place, tilt, blur, wall, side, *told)
+        more = (float(one) for one in (face, width, shade, deep))
+        return cls(place, tilt, blur, wall, side, *more)
 
     def rims(self, strip: _Strip) -> tuple[FloatArray, FloatArray, FloatArray]:
         """How far points are behind the shadow's edge, the far rim and the near one, in blurs."""

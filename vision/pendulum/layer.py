@@ -1,14 +1,11 @@
-"""A swinging body held against pictures: what it explains of them, and where along its arc.
+"""Fit arc and angles of a swinging body to gray levels of several pictures.
 
-The body is a layer in front of the known scene (`vision.pendulum.arc`): a picture shows
-α·T + (1 − α)·B where it lies. Along a known arc its place is one number, the angle.
-
-Pivot, view and angles of a swing at once, from the pictures themselves.
-
-A bundle adjustment on gray levels: all pictures share the pivot and the view, each has an angle and
-a brightness of its own, which are eliminated picture by picture (Schur complement; Triggs et al.,
-Bundle adjustment: a modern synthesis, 2000). A bar that slides along itself unnoticed, or a short
-arc, leaves a free registration adrift; one pivot for all pictures holds it.
+The body is a layer in front of the known scene (`vision.pendulum.arc`). Along a known arc its
+position is one number, the angle. A bundle adjustment fits all pictures at once: they share pivot
+and view; each has an angle and a brightness of its own, which are eliminated picture by picture
+(Schur complement; Triggs et al., Bundle adjustment: a modern synthesis, 2000). A bar that slides
+along itself or a short arc leaves a free registration undetermined; one pivot for all pictures
+fixes it.
 """
 
 from collections.abc import Sequence
@@ -49,7 +46,7 @@ _NO_WAYS = np.zeros((0, 6))
 
 _COARSE_POINTS = 700
 
-"""Points of a patch in the coarse search, supposed: they only choose where the fine one starts."""
+"""Points of a patch in the coarse search (chosen): they only choose where the fine one starts."""
 
 _COARSE_PX = 1.2
 
@@ -67,7 +64,7 @@ still small enough to be believed."""
 
 _NEARLY_AS_GOOD = 0.9
 
-"""Of the best gain: places as good as this are all tried, supposed."""
+"""Of the best gain: places as good as this are all tried (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -286,11 +283,11 @@ _ROUNDS = 12
 
 """Rounds of the damped search at most: one that has not settled by then does not settle."""
 
-_FEWEST = 4
+_MIN_COUNT = 4
 
 """Glimpses that must hold: a pivot and two slants are four unknowns."""
 
-# A camera up to some 25° aslant shortens a plane by a tenth; more is not expected.
+# An oblique view of up to some 25° shortens a plane by a tenth; more is not expected.
 _VIEW_STD = 0.06
 
 _PIVOT_SHARE = 0.5
@@ -302,7 +299,7 @@ is a thousandth of the free one."""
 
 _DONE = 1e-4
 
-"""Relative gain of the likelihood in a round that is none, supposed."""
+"""Relative gain of the likelihood in a round that is none (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -348,7 +345,7 @@ def bundle(
     glimpses: Sequence[Glimpse],
     angles: FloatArray,
     *,
-    aslant: bool = True,
+    oblique: bool = True,
 ) -> Bundle | None:
     """Fit a swing to pictures.
 
@@ -362,8 +359,8 @@ def bundle(
         The pictures.
     angles : (K,) array
         First guess of the angle in each, rad; 0 exactly is the reference and stays.
-    aslant : bool
-        Whether the camera may look aslant.
+    oblique : bool
+        Whether the camera may look at it from the side.
 
     Returns
     -------
@@ -371,12 +368,12 @@ def bundle(
         None where the body is in view in fewer than four of the pictures.
     """
     arm = float(np.hypot(*(swing.centre_px - swing.pivot_px)))
-    stds = np.array([*[_PIVOT_SHARE * arm] * 2, *[_VIEW_STD if aslant else 1e-6] * 2])
+    stds = np.array([*[_PIVOT_SHARE * arm] * 2, *[_VIEW_STD if oblique else 1e-6] * 2])
     home = np.array([*swing.pivot_px, 0.0, 1.0])
     fixed = angles == 0.0
     damping = _DAMPING[0]
     here = _normal(patch, swing, glimpses, angles)
-    if np.count_nonzero(here.own) < _FEWEST:
+    if np.count_nonzero(here.own) < _MIN_COUNT:
         return None
     shared = _shared(swing)
     for _ in range(_ROUNDS):

@@ -1,10 +1,9 @@
-"""The pendulum mass followed on its arc: which piece of what moved it is, and where it went.
+"""Follow a body that swings into the ball to both ends of the clip.
 
-Each piece is first registered freely on its way to the ball; that tells a first pivot. Then it is
-held to one pivot for all pictures, as a body that turns with its arm and as one whose look does not
-turn; the pictures tell which of the two, and which piece, explains more of what moved.
-
-A piece of what moved, registered freely from frame to frame on its way to the ball.
+A piece of what differs from the scene is first registered freely from frame to frame on its way to
+the ball, which gives a first pivot. Then all pictures share one pivot, for a body that turns with
+its arm and for one whose appearance does not turn; the likelihood of the pictures selects one of
+the two.
 """
 
 import math
@@ -40,18 +39,18 @@ FloatArray = NDArray[np.float64]
 _LOST_AFTER = 4
 """Frames without the mass that end a trial: one or two may be hidden or dropped."""
 
-_FEWEST = 6
+_MIN_COUNT = 6
 """Poses: fewer tell no circle from a line."""
 
 _TRIAL_WAY, _TRIAL_FRAMES = 1.1, 8
 """Ball's radii of flight, and frames at least, of a trial: enough for a mass to move by its own
-size, supposed."""
+size (chosen)."""
 
-_MOST_WAY, _MOST_FRAMES = 4.6, 16
-"""Ball's radii of flight, and frames at least, from which the pivot is found first, supposed: the
+_MAX_WAY, _MAX_FRAMES = 4.6, 16
+"""Ball's radii of flight, and frames at least, from which the pivot is found first (chosen): the
 swing is followed on from there."""
 
-_LEAST_ADVANCE_PX = 1.0
+_MIN_ADVANCE_PX = 1.0
 
 # A pose lies off the prediction by no more than this, px or of the step, and rad.
 _LEAP_PX, _LEAP_SHARE, _LEAP_TURN = 1.5, 0.4, 0.06
@@ -80,12 +79,12 @@ class FreeTracker:
         own = self._locate(piece.patch, piece.frame, start, 0.01)
         poses = {piece.frame: own if own is not None else start}
         self.extend(piece.patch, poses, -1, self._follower.frames(_TRIAL_WAY, _TRIAL_FRAMES))
-        if len(poses) < _FEWEST:
+        if len(poses) < _MIN_COUNT:
             return {}
         steps = np.array([poses[index].anchor for index in sorted(poses)])
-        if float((steps[-1] - steps[0]) @ rest.direction) < _LEAST_ADVANCE_PX:
+        if float((steps[-1] - steps[0]) @ rest.direction) < _MIN_ADVANCE_PX:
             return {}
-        self.extend(piece.patch, poses, -1, self._follower.frames(_MOST_WAY, _MOST_FRAMES))
+        self.extend(piece.patch, poses, -1, self._follower.frames(_MAX_WAY, _MAX_FRAMES))
         self.extend(piece.patch, poses, 1, rest.last - piece.frame)
         return poses
 
@@ -170,12 +169,12 @@ FloatImage = NDArray[np.float32]
 _BUNDLED = 14
 """Frames fitted together: a swing has six shared unknowns, and the rest only adds time."""
 
-_LEAST_LOST, _MOST_LOST = 6, 40
+_MIN_LOST, _MAX_LOST = 6, 40
 """Frames, at least and most, for which the mass may be hidden: as long as it needs to pass behind
 the ball."""
 
 _SHADOW_LEAVES = 2.3
-"""Ball's radii of flight within which its shadow has left the wall behind the mass, supposed."""
+"""Ball's radii of flight within which its shadow has left the wall behind the mass (chosen)."""
 
 _BALL_MARGIN_PX = 1.5
 """px around the ball's outline that its blur may reach: a point spread is about a pixel wide."""
@@ -184,7 +183,7 @@ _BALL_MARGIN_PX = 1.5
 _STILL_EXPLAINED = 0.5
 
 _KNOWN = 6
-"""Frames from which the next pose is foretold: a parabola has three unknowns, half are to spare."""
+"""Frames from which the next pose is predicted (derived: twice the unknowns of a parabola)."""
 
 # A blow takes up to so much of the rate; a prediction is off by so much at least, px.
 _BLOW, _OFF_PX = 0.75, 1.5
@@ -192,7 +191,7 @@ _BLOW, _OFF_PX = 0.75, 1.5
 _CURVED_PX = 1e5
 """px: a circle of that radius is straight within a pixel over any picture."""
 
-# How far a body with depth strays from the arc of a flat one, px and rad; a round one turns freely.
+# How far a body with depth is off the arc of a flat one, px and rad; a round one turns freely.
 _STRAY_PX, _LEFT_PX, _STRAY_RAD, _NO_TURN = 0.5, 5.0, 0.02, 1e-4
 
 _REFITTED, _OPAQUE = 24, 0.95
@@ -204,18 +203,18 @@ _PROPOSED_PX = 3.0
 picture)."""
 
 _USUAL_RESIDUAL = 1.5
-"""Factor: a misfit that is this much over the usual is looked into, supposed."""
+"""Factor: a misfit that is this much over the usual is looked into (chosen)."""
 
 _BEFORE, _TRIAL, _COMPARED = 2.3, 2.2, 18
 """Ball's radii of flight before and after it was last seen at rest, and how many frames of them, in
-which rivals are compared; supposed."""
+which bodies are compared (chosen)."""
 
 _LAST_WAY = 3.0
 """Ball's radii of flight before it was last seen at rest in which a swing turns nearly evenly: a
 free swing's rate changes by a few per cent in them, and its change is even."""
 
-_FEWEST_STRAYING = 8
-"""Frames: a parabola has three unknowns, and what strays from it needs some more."""
+_MIN_SCATTERED = 8
+"""Frames: a parabola has three unknowns, and the scatter about it needs some more."""
 
 # Looks that fit nearly alike leave it to the turns: more than this part of the arm's turn is one.
 _ALIKE, _HALF_TURNED = 0.01, 0.6
@@ -280,7 +279,7 @@ class Follower:
 
     @property
     def compared(self) -> list[int]:
-        """The frames around the strike in which rivals are compared."""
+        """The frames around the strike in which bodies are compared."""
         first, end = self.rest.last - self.frames(_BEFORE), self.rest.last + self.frames(_TRIAL)
         every = range(first, end, max(1, (end - first) // _COMPARED))
         return [index for index in every if 0 <= index < self.scene.count]
@@ -337,7 +336,7 @@ def follow_piece(follower: Follower, piece: MassCandidate) -> Swinging | None:
         None where it does not come towards the ball on an arc.
     """
     free = FreeTracker(follower).coming(piece)
-    if len(free) < _FEWEST:
+    if len(free) < _MIN_COUNT:
         return None
     return _followed(follower, piece, free)
 
@@ -360,9 +359,9 @@ def _followed(
     walk = _Walk(follower, patch, coming.swing, piece.frame, by_motion=by_motion)
     for frame, angle in zip(sorted(free), angles, strict=True):
         walk.look(frame, float(angle), 0.0)
-    if len(walk.known) < _FEWEST:
+    if len(walk.known) < _MIN_COUNT:
         return None
-    walk.go(1, follower.rest.last + follower.frames(_TRIAL, _FEWEST))
+    walk.go(1, follower.rest.last + follower.frames(_TRIAL, _MIN_COUNT))
     return walk.swinging()
 
 
@@ -380,12 +379,12 @@ def follow_body(follower: Follower, body: SwungBody) -> Swinging | None:
     look = picture[spot[:, 1], spot[:, 0]] / follower.scene.views[body.frame].gain
     body = replace(body, patch=replace(body.patch, look=look.astype(np.float64)))
     free = _along(follower, body)
-    if len(free) < _FEWEST:
+    if len(free) < _MIN_COUNT:
         return None
     frames = _spread(free)
     glimpses = [next(follower.glimpses(int(frame))) for frame in frames]
     angles = np.array([free[int(frame)].turn for frame in frames])
-    first = bundle(body.patch, body.swing, glimpses, angles, aslant=False)
+    first = bundle(body.patch, body.swing, glimpses, angles, oblique=False)
     if first is None:
         return None
     patch, middle = body.patch, np.zeros(2)
@@ -403,9 +402,9 @@ def follow_body(follower: Follower, body: SwungBody) -> Swinging | None:
         for frame, angle in zip(every, angles, strict=True)
     }
     free = {frame: pose for frame, pose in registered.items() if pose is not None}
-    if body.frame not in free or len(free) < _FEWEST:
+    if body.frame not in free or len(free) < _MIN_COUNT:
         return None
-    FreeTracker(follower).extend(patch, free, -1, follower.frames(_MOST_WAY, _MOST_FRAMES))
+    FreeTracker(follower).extend(patch, free, -1, follower.frames(_MAX_WAY, _MAX_FRAMES))
     piece = MassCandidate(body.frame, patch, swing.centre_px, 0.0)
     return _followed(follower, piece, free, by_motion=True)
 
@@ -532,7 +531,7 @@ class _Walk:
     def go(self, direction: int, stop: int) -> None:
         """Go on from the last known frame until the body is lost for long."""
         index = (max(self.known) if direction > 0 else min(self.known)) + direction
-        missed, patience = 0, _LEAST_LOST
+        missed, patience = 0, _MIN_LOST
         while 0 <= index < self._follower.scene.count and index * direction < stop * direction:
             last, rate = self._rate(direction)
             gap = abs(index - last)
@@ -576,11 +575,11 @@ class _Walk:
         arc = Arc(swing.pivot_px, arm, covariance, scatter, float(np.ptp(np.unwrap(angle))))
         mass = MassPoses(order, poses, self._patch, arc, self._reference)
         last = follower.rest.last
-        near = follower.frames(_LAST_WAY, _FEWEST_STRAYING)
+        near = follower.frames(_LAST_WAY, _MIN_SCATTERED)
         coming = (order <= last) & (order > last - near)
-        strays = _strays(order[coming], np.unwrap(angle)[coming]) * arm
+        scatter_px = _scatter(order[coming], np.unwrap(angle)[coming]) * arm
         strikes = striking(mass, follower.ball, follower.rest)
-        return Swinging(mass, swing, strikes, self._gain(), strays, self._by_motion)
+        return Swinging(mass, swing, strikes, self._gain(), scatter_px, self._by_motion)
 
     def _gain(self) -> float:
         """What the body explains around the strike; frames in which it was lost count nothing."""
@@ -636,9 +635,9 @@ def _placing(pose: Pose) -> FloatArray:
     return np.array([*pose.anchor, cosine, -sine, sine, cosine])
 
 
-def _strays(frame: NDArray[np.int64], angle: FloatArray) -> float:
+def _scatter(frame: NDArray[np.int64], angle: FloatArray) -> float:
     """Root mean square of what is left of angles after a parabola over the frames, rad."""
-    if len(frame) < _FEWEST_STRAYING:
+    if len(frame) < _MIN_SCATTERED:
         return float("inf")
     at = frame - frame.mean()
     left = angle - np.polyval(np.polyfit(at, angle, 2), at)
@@ -680,7 +679,7 @@ def _fitted(
     glimpses = [next(follower.glimpses(int(frame))) for frame in frames]
     angles = np.array([float(swing.angle_of(free[int(frame)].anchor)) for frame in frames])
     patch = piece.patch
-    found = bundle(patch, swing, glimpses, angles, aslant=False)
+    found = bundle(patch, swing, glimpses, angles, oblique=False)
     if found is None:
         return None
     patch = learnt_look(patch, found.swing, glimpses, found.angles, opaque=opaque)
@@ -706,4 +705,4 @@ def _overhead(follower: Follower, piece: MassCandidate) -> FloatArray:
 
 def _patience(radius: float, speed_px: float) -> int:
     """For how many frames the ball may hide the body."""
-    return int(np.clip(radius / max(speed_px, 1e-3), _LEAST_LOST, _MOST_LOST))
+    return int(np.clip(radius / max(speed_px, 1e-3), _MIN_LOST, _MAX_LOST))

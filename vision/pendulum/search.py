@@ -1,14 +1,13 @@
-"""What strikes the ball: found among what moves, followed on its arc, with its face and a doubt.
+"""Select the body that strikes the ball, follow it, and find its face.
 
-Whatever goes round a pivot towards the resting ball, and nearly touches it when the ball leaves, is
-the striker, whatever its shape. Several pieces of what moved are followed, each as a body that
-turns with its arm and as one that does not; what explains the pictures best is taken, and how far
-the next best is behind tells the doubt.
+Candidates are pieces that differ from the scene in brightness and bodies that swing into the
+resting ball (`vision.pendulum.candidates`). Each is followed as a body that turns with its arm and
+as one that does not; the one that explains the pictures best is selected, and the evidence for the
+next best is its doubt.
 
-The striking face of a spherical bob: its outline as a circle, and where that meets the ball.
-
-Two spheres touch on the line between their centres: how far the bob leads its middle along the
-motion follows from both radii and from how far the ball lies above or below it.
+The face of a spherical bob is the point where its outline, a circle, meets the ball: two spheres
+touch on the line between their centres, so that it follows from both radii and from the height of
+the bob relative to the ball.
 """
 
 from collections.abc import Callable, Sequence
@@ -49,7 +48,7 @@ _BALL_MARGIN_PX = 2.5
 point spread of one pixel."""
 
 _ROUNDS = 3
-"""Rounds of choosing rim points and fitting, supposed: the choice hardly changes after two."""
+"""Rounds of choosing rim points and fitting (chosen): the choice hardly changes after two."""
 
 _ANGLES = 72
 """Rays around a circle: one each 5°, a few pixels apart on a rim of fifty."""
@@ -61,9 +60,9 @@ _STEP_PX = 0.25
 _REACH, _LIMB = (0.5, 1.6), (0.6, 0.85)
 
 # A rim point counts where the bob stands out from the wall by this share of the light.
-_LEAST_CONTRAST = 0.06
+_MIN_CONTRAST = 0.06
 
-_FEWEST_RIM_POINTS = 12
+_MIN_RIM_POINTS = 12
 """Points of the rim: a circle has three unknowns, and a sixth of all rays must agree."""
 
 _DARKEST = 0.02
@@ -71,12 +70,12 @@ _DARKEST = 0.02
 does at 0.018)."""
 
 # px: an unknown transfer curve and the limb's shading move the edge at half light by so much.
-_LEAST_STD_PX = 0.2
+_MIN_STD_PX = 0.2
 
 # Of the size of what was followed: a rim far smaller or larger is that of something else.
-_LEAST_BOB, _MOST_BOB = 0.3, 2.0
+_MIN_BOB, _MAX_BOB = 0.3, 2.0
 
-# A square's rim strays from a circle by 0.12 of its radius.
+# A square's rim departs from a circle by 0.12 of its radius.
 _ROUND_SHARE = 0.06
 
 # Half the arc about the arm's direction in which a rod hides the rim, rad.
@@ -128,10 +127,10 @@ def find_bob_face(
     centre, circle, std, left = np.zeros(2), size, np.inf, np.inf
     for _ in range(_ROUNDS):
         rim = _rim(scene, mass, clear, before, centre, circle, rod)
-        if len(rim) < _FEWEST_RIM_POINTS:
+        if len(rim) < _MIN_RIM_POINTS:
             return None
         centre, circle, std, left = _circle(rim, circle)
-        if not _LEAST_BOB * size < circle < _MOST_BOB * size:
+        if not _MIN_BOB * size < circle < _MAX_BOB * size:
             return None
     if left > _ROUND_SHARE * circle:
         return None
@@ -145,7 +144,7 @@ def find_bob_face(
     reach, touching = float(np.hypot(*(at - pivot))), radius + circle
     beyond = (away**2 - reach**2 - touching**2) / (2.0 * reach)
     ahead = float(np.sqrt(max(touching**2 - min(abs(beyond), circle) ** 2, 0.0))) - radius
-    edge_std = max(std, _LEAST_STD_PX)
+    edge_std = max(std, _MIN_STD_PX)
     return Face(int(mass.frame[frame]), at + ahead * forward, edge_std, spherical=True), centre
 
 
@@ -207,7 +206,7 @@ def _rim(
     outside = np.median(total[:, away > (_REACH[1] - 0.3) * radius], axis=1)
     points = []
     for ray_at, profile, dark, bright in zip(ray, total, inside, outside, strict=True):
-        if abs(bright - dark) < _LEAST_CONTRAST or abs(bright - 1.0) > 0.5 * abs(dark - 1.0):
+        if abs(bright - dark) < _MIN_CONTRAST or abs(bright - 1.0) > 0.5 * abs(dark - 1.0):
             continue
         half = (profile - dark) / (bright - dark) - 0.5
         cross = np.flatnonzero((half[:-1] < 0.0) & (half[1:] >= 0.0))
@@ -265,25 +264,25 @@ from which a pixel counts as covered."""
 
 _AS_EVEN = 1.5
 """Factor: scatters that differ by less are alike, as those of forty frames are that follow the same
-body; a mass with its shadow strays twice as far as the mass."""
+body; a mass with its shadow scatters twice as far as the mass."""
 
 _AS_CLEAR = 2.0
 """Factor: what leaves more of the pictures where it lies than that is another thing than it was cut
-out as, supposed; rivals that follow the same body differ by up to 1.4 in two renderers."""
+out as (chosen); pieces that follow the same body differ by up to 1.4 in two renderers."""
 
 _EVEN_PX = 0.1
-"""px: what strays less swings evenly, whatever else does so better; outlines of one frame are known
-to about that."""
+"""px: what scatters less swings evenly, whatever else does so better; outlines of one frame are
+known to about that."""
 
 _SWINGS_RAD = 0.3
-"""Supposed: an arc of less may be the course of a ball that was deflected."""
+"""rad: a shorter arc may be the path of a deflected ball (chosen)."""
 
 _BENDS = 4.0
-"""Times the scatter about an arc that its middle lies off the chord: less is a straight way."""
+"""Times the scatter about an arc that its middle lies off the chord: less is a straight path."""
 
 _UNEXPLAINED, _FAR_LESS = 4.0, 0.75
 """Times the noise that is left where the body lies, from which on light may have changed behind it;
-and share of that which another light must leave at most, supposed: in 17 of 18 rendered clips 1.3
+and share of that which another light must leave at most (chosen): in 17 of 18 rendered clips 1.3
 to 4.3 are left, before a wall over which shadows sweep 5 to 11."""
 
 _EVENLY_PX, _SURELY_EVEN_PX, _REACHES = 1.0, 0.15, 0.25
@@ -400,14 +399,14 @@ class _StrikerSearch:
     lit : Backdrop
         The scene before the strike in each frame's own light.
     best : Swinging
-    rivals : tuple of Swinging
+    others : tuple of Swinging
         Other bodies that agree as well with the strike.
     """
 
     follower: Follower
     lit: Backdrop
     best: Swinging
-    rivals: tuple[Swinging, ...]
+    others: tuple[Swinging, ...]
 
     @classmethod
     def of_pieces(
@@ -485,8 +484,8 @@ class _StrikerSearch:
             return None
         best = steadiest(followed)
         likely = (one for one in followed if one.striking <= best.striking)
-        rivals = tuple(one for one in likely if another_body(one, best))
-        return cls(follower, lit, best, rivals)
+        others = tuple(one for one in likely if another_body(one, best))
+        return cls(follower, lit, best, others)
 
     @property
     def is_sure(self) -> bool:
@@ -542,7 +541,7 @@ class _StrikerSearch:
                 face, best = bob[0], _about_centre(best, bob[1])
         if face is None:
             face = find_face(scene, best.mass, rest, radius, *scenes_before)
-        doubt = max((one.gain for one in self.rivals), default=0.0) / max(best.gain, 1e-9)
+        doubt = max((one.gain for one in self.others), default=0.0) / max(best.gain, 1e-9)
         doubt = doubt if doubt > _RIVAL else 0.0
         return Striker(best.mass, best.swing, face, _reasons(best), doubt, best.striking)
 
@@ -586,7 +585,7 @@ def settles(best: Swinging, piece: MassCandidate, follower: Follower) -> bool:
 def another_body(one: Swinging, best: Swinging) -> bool:
     """Whether two followed pieces are different bodies: elsewhere, and another pivot or rate.
 
-    A piece of a body, or the body with its shadow, strays from its arc and is still no other thing.
+    A piece of a body, or the body with its shadow, departs from its arc and is the same body.
     """
     if _shared_area(one.mass, best.mass) > _NESTED:
         return False
@@ -659,7 +658,7 @@ def pendulum_track(striker: Striker, rest: Rest, fps: float) -> PendulumTrack:
     """
     mass, swing = striker.mass, striker.swing
     sign = 1.0 if rest.direction[0] >= 0 else -1.0
-    # the angle in the plane of the swing, which a camera that looks aslant distorts
+    # the angle in the plane of the swing, which an oblique view distorts
     offset = np.column_stack(swing.in_plane(mass.anchor))
     angle = np.unwrap(np.arctan2(sign * offset[:, 0], offset[:, 1]))
     covariance = np.array([pose.covariance[:2, :2] for pose in mass.poses])

@@ -23,7 +23,7 @@ def struck(film: Filmed) -> Striker:
 
 
 def off_px(film: Filmed, found: Striker, within: int = 1000) -> float:
-    """How far the track strays from a fixed point of the mass so many frames about it, px, RMS."""
+    """How far the track is off a fixed point of the mass so many frames about it, px, RMS."""
     near = np.abs(found.mass.frame - STRIKE) < within
     frame = found.mass.frame[near]
     gap = found.mass.anchor[near] - film.middle[frame]

@@ -76,7 +76,7 @@ def at(offset: FloatArray, pivot: FloatArray) -> Swinging:
     return replace(one, mass=replace(one.mass, patch=patch, poses=poses), swing=swung)
 
 
-def test_a_body_with_its_shadow_is_no_second_thing_however_its_arc_strays() -> None:
+def test_a_body_with_its_shadow_is_no_second_thing_however_its_arc_scatters() -> None:
     mass = at(np.zeros(2), PIVOT)
     assert not another_body(at(np.array([3.0, 1.0]), PIVOT + np.array([0.0, 40.0])), mass)
     assert another_body(at(np.array([40.0, 0.0]), PIVOT + np.array([0.0, 40.0])), mass)
@@ -133,7 +133,7 @@ def test_no_part_of_a_body_explains_more_than_all_that_differs_where_it_lies(mak
     assert parts
     for piece, one in parts:
         bound = most_explained(follower, piece, whole)
-        # gray levels between pixels are told by two interpolations
+        # gray levels between pixels come from two interpolations
         assert one.gain < 1.02 * bound
         assert bound < 1.5 * one.gain
 
