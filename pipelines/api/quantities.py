@@ -3,7 +3,7 @@
 import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -100,6 +100,36 @@ class QuantityView:
             raise MeasurementError(f"there is no {quantity_label(self.name)}: {self.reason}")
         return self.value
 
+    def __format__(self, spec: str) -> str:
+        return format(float(self), spec) if spec else str(self)
+
+    def __mul__(self, factor: float) -> "QuantityView":
+        """The quantity times a plain number; its name and unit stay."""
+        return self._scaled(_plain_number(factor))
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, divisor: float) -> "QuantityView":
+        return self._scaled(1.0 / _plain_number(divisor))
+
+    def __neg__(self) -> "QuantityView":
+        return self._scaled(-1.0)
+
+    def __add__(self, number: float) -> "QuantityView":
+        return replace(self, value=float(self) + _plain_number(number))
+
+    __radd__ = __add__
+
+    def __sub__(self, number: float) -> "QuantityView":
+        return self + -_plain_number(number)
+
+    def _scaled(self, factor: float) -> "QuantityView":
+        std = None if self.std is None else abs(factor) * self.std
+        lines = tuple(
+            Contribution(line.source, abs(factor) * line.std) for line in self.contributions
+        )
+        return replace(self, value=factor * float(self), std=std, contributions=lines)
+
     def __str__(self) -> str:
         return quantity_text(self._plain())
 
@@ -108,6 +138,22 @@ class QuantityView:
 
     def _repr_html_(self) -> str:
         return results_html("", [self._plain()])
+
+
+def _plain_number(number: object) -> float:
+    """A number without uncertainty.
+
+    Raises
+    ------
+    UsageError
+        For a second quantity: the errors of both have common sources.
+    """
+    if isinstance(number, QuantityView):
+        raise UsageError(
+            f"the errors of two quantities of one clip ({number.name} and another) are correlated",
+            hint="Compute with float(…), and take the uncertainty from repeated clips.",
+        )
+    return float(number)  # type: ignore[arg-type]
 
 
 class Quantities(Mapping[str, QuantityView]):

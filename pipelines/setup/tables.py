@@ -307,7 +307,10 @@ def checked_values(function: Callable[Values, Result]) -> Callable[Values, Resul
             if not _fits(given[name], hints[name]):
                 raise UsageError(
                     f"{asked}: {name} can't be {given[name]!r}",
-                    hint=f"See help({asked}) for what it takes.",
+                    hint="It takes one clip. Several: iv.campaign([…], out='results')."
+                    if (asked, name) == ("measure", "path")
+                    and isinstance(given[name], list | tuple)
+                    else f"See help({asked}) for what it takes.",
                 )
         return function(*values, **named)
 
