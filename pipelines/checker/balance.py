@@ -5,8 +5,9 @@ and the inputs. Each input has a prior: what was stated, with its uncertainty. A
 if everything else agrees once its statement is left out; its estimate is then the cure.
 """
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -38,14 +39,18 @@ class Input:
     value : float
         Positive, in any unit.
     relative_std : float
+        With bounds: of usual values, applied only where nothing else determines the input.
     stated : bool
         Whether a person stated it; others are never at fault.
+    bounds : tuple of float or None
+        Smallest and largest possible value.
     """
 
     key: str
     value: float
     relative_std: float
     stated: bool = True
+    bounds: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -124,7 +129,7 @@ def weigh(inputs: Sequence[Input], relations: Sequence[Relation]) -> Contradicto
         if found is None or one.key not in found[0]:
             continue
         (log, std), chi2, degrees = found[0][one.key], found[1], found[2]
-        if degrees == 0 or _probability(chi2, degrees) > _MIN_RESOLVED_PROBABILITY:
+        if _probability(chi2, max(degrees, 1)) > _MIN_RESOLVED_PROBABILITY:
             value = float(np.exp(log))
             causes.append(Cause(one.key, one.value, value, value * std, whole[1], chi2))
     causes.sort(key=lambda cause: cause.chi2)
@@ -143,12 +148,43 @@ def _fit(
     inputs: Sequence[Input], relations: Sequence[Relation], free: str | None
 ) -> _Fitted | None:
     """Logarithms of the determined unknowns with their std, χ², and degrees of freedom."""
-    names = list(
-        dict.fromkeys([*(one.key for one in inputs), *(n for r in relations for n in r.powers)])
-    )
+    kept = [one for one in inputs if one.key != free]
+    within = [replace(one, relative_std=math.inf) if one.bounds else one for one in kept]
+    solved = _solved(within, inputs, relations)
+    if solved is None:
+        return None
+    if any(one.bounds is not None and one.key not in solved[0] for one in kept):
+        return _solved(kept, inputs, relations)
+    beyond = [
+        replace(
+            one, value=min(max(value, one.bounds[0]), one.bounds[1]), relative_std=_AT_BOUND_STD
+        )
+        for one in kept
+        if one.bounds is not None and one.key in solved[0]
+        for value in [float(np.exp(solved[0][one.key][0]))]
+        if not one.bounds[0] <= value <= one.bounds[1]
+    ]
+    if not beyond:
+        return solved
+    outer = {one.key: one for one in beyond}
+    again = _solved([outer.get(one.key, one) for one in within], inputs, relations)
+    # a bound is no measurement: it adds no degree of freedom
+    return None if again is None else (again[0], again[1], again[2] - len(beyond))
+
+
+_AT_BOUND_STD = 0.01
+"""Relative std of a value held at its bound (chosen: small beside the relations')."""
+
+
+def _solved(
+    kept: Sequence[Input], inputs: Sequence[Input], relations: Sequence[Relation]
+) -> _Fitted | None:
+    """Least squares of the relations and the statements of `kept`."""
+    keys = [one.key for one in inputs]
+    names = list(dict.fromkeys([*keys, *(n for relation in relations for n in relation.powers)]))
     rows, values = [], []
-    for one in inputs:
-        if one.key != free:
+    for one in kept:
+        if math.isfinite(one.relative_std):
             rows.append([(name == one.key) / one.relative_std for name in names])
             values.append(np.log(one.value) / one.relative_std)
     for relation in relations:

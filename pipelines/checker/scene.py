@@ -30,9 +30,13 @@ _FALL_STD = 0.02
 _WALL_STD = 0.02
 """Relative std of the wall's local scale at the ball (chosen: tilt of the camera)."""
 
-_UNKNOWN_RATIO, _UNKNOWN_RATIO_STD = 0.93, 0.07
+_RATIO_BOUNDS = (0.6, 1.0)
 """Distance of the ball's plane from the camera over that of the wall, where it was not measured
-(chosen: from the wall itself to a fifth of the distance in front of it)."""
+(derived: not behind the wall; chosen: not nearer than two fifths of the distance to it)."""
+
+_USUAL_RATIO, _USUAL_RATIO_STD = 0.92, 0.07
+"""That ratio as usual, with its relative std (chosen: half a metre in front of a wall 4 to 10 m
+away)."""
 
 _RATES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 150, 180, 200, 240, 250, 300, 400, 420, 480, 500)
 _USUAL = {
@@ -207,9 +211,8 @@ def _equations(facts: SceneFacts, fall: Fall | None) -> tuple[list[Input], list[
             Relation("the ball's outline", {"scale": 1.0, "ball": -1.0}, 1.0 / wide, _OUTLINE_STD)
         )
     if facts.grid is not None and len(facts.centre_px):
-        ratio, std, stated = _plane_ratio(facts)
         inputs.append(Input("grid", facts.grid.pitch_m, 0.005))
-        inputs.append(Input("ratio", ratio, std, stated))
+        inputs.append(_plane_ratio(facts))
         middle = np.median(facts.centre_px[rows], axis=0)
         period = 1.0 / np.linalg.norm(facts.grid.map.jacobian(middle), axis=-1)
         relations.append(
@@ -233,16 +236,17 @@ def _equations(facts: SceneFacts, fall: Fall | None) -> tuple[list[Input], list[
     return inputs, relations
 
 
-def _plane_ratio(facts: SceneFacts) -> tuple[float, float, bool]:
-    """Scale of the ball's plane over the wall's, 1 − z/Z, its relative std, and if measured."""
+def _plane_ratio(facts: SceneFacts) -> Input:
+    """Scale of the ball's plane over the wall's, 1 − z/Z, as measured or within its bounds."""
+    unknown = Input("ratio", _USUAL_RATIO, _USUAL_RATIO_STD, stated=False, bounds=_RATIO_BOUNDS)
     if facts.camera_distance is None or facts.plane_offset is None:
-        return _UNKNOWN_RATIO, _UNKNOWN_RATIO_STD, False
+        return unknown
     (far, far_std), (near, near_std) = facts.camera_distance, facts.plane_offset
     ratio = 1.0 - near / far
     if not 0.0 < ratio <= 1.0:
-        return _UNKNOWN_RATIO, _UNKNOWN_RATIO_STD, False
+        return unknown
     std = math.hypot(near_std / far, near * far_std / far**2) / ratio
-    return ratio, max(std, 1e-3), True
+    return Input("ratio", ratio, max(std, 1e-3))
 
 
 @dataclass(frozen=True)

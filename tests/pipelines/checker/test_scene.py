@@ -110,6 +110,21 @@ def test_a_wrong_grid(wrong: float) -> None:
     assert abs(found.value - 0.05) < 3.0 * found.std
 
 
+@pytest.mark.parametrize("wrong", [0.04, 0.1])
+def test_a_wrong_grid_without_distances(wrong: float) -> None:
+    lab = Lab()
+    facts = replace(lab.facts(), camera_distance=None, plane_offset=None)
+    assert findings_of(facts) == ()
+    found = only(findings_of(replace(facts, grid=lab.grid(wrong))))
+    assert "--wall-grid" in found.sentence
+
+
+@pytest.mark.parametrize("near", [0.05, 1.5])
+def test_a_ball_plane_of_unknown_depth_is_not_blamed(near: float) -> None:
+    facts = replace(Lab(near=near).facts(), camera_distance=None, plane_offset=None)
+    assert findings_of(facts) == ()
+
+
 def test_a_wrong_scale() -> None:
     lab = Lab()
     facts = replace(lab.facts(), grid=None, scale=(lab.scale * 10.0, 1e-3 * lab.scale))
