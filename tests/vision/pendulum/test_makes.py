@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from tests.vision.pendulum.swinging import STRIKE, Filmed, Make, filmed
 from vision.pendulum.arc import sampled
 from vision.pendulum.face import Striking, find_face, restitution_px
-from vision.pendulum.search import Striker, find_striker
+from vision.pendulum.search import Striker, find_striker, pendulum_track
 from vision.scene import Backdrop, scene_before_strike
 
 ROUND = Make(half=(6.0, 6.0), round=True, rod=0.7, light=0.3)
@@ -93,6 +94,20 @@ def test_a_mass_is_followed_and_its_face_seen_though_a_shadow_sweeps_over_the_wa
     angle = film.angle[face.frame]
     assert face.edge_std_px < 0.3
     assert float(ahead @ [np.cos(angle), -np.sin(angle)]) == pytest.approx(8.0, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [Make(), Make(light=0.62), Make(half=(11.0, 5.0)), Make(rod=3.5)],
+    ids=["box", "pale", "wide", "thick rod"],
+)
+def test_the_stated_place_of_the_mass_covers_its_error(make: Make) -> None:
+    film = filmed(make)
+    track = pendulum_track(struck(film), film.rest, 30.0).track
+    off = track.centre_px - film.middle[track.frame]
+    squares = np.einsum("ni,nij,nj->n", off, np.linalg.inv(track.covariance_px2), off)
+    # chi-square of two unknowns that all frames share
+    assert float(np.median(squares)) < chi2.ppf(0.9973, 2)
 
 
 def test_nothing_that_swings_is_no_striker() -> None:
