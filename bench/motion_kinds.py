@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from training.motion_tracks import Labelled, clip_tracks, draw, lab_track, truth_tracks
-from vision.interpret.kinds import Interpretation, interpret
+from vision.motions.kinds import Interpretation, interpret
 
 FIRST_KEPT_OUT = 100_000
 

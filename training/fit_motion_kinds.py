@@ -2,7 +2,7 @@
 
 Tracks drawn at random (seeds 0 upwards) and simulations of the shared labs (seeds 0 to 999) train a
 multinomial logistic regression; its ridge is chosen on one fifth kept out. Writes coefficients with
-95 % intervals to vision/interpret/motion_kinds.json.
+95 % intervals to vision/motions/motion_kinds.json.
 """
 
 import argparse
@@ -16,9 +16,9 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
-import vision.interpret
+import vision.motions
 from training.motion_tracks import Labelled, draw, lab_track
-from vision.interpret.features import FEATURES, features_of
+from vision.motions.features import FEATURES, features_of
 
 FloatArray = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ KINDS = (
     "carried",
     "none",
 )
-OUTPUT = Path(vision.interpret.__file__).with_name("motion_kinds.json")
+OUTPUT = Path(vision.motions.__file__).with_name("motion_kinds.json")
 
 
 def table(tracks: Sequence[Labelled]) -> tuple[FloatArray, NDArray[np.int64]]:

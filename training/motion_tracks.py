@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.ndimage import gaussian_filter1d
 
-from vision.interpret.models import Observations
+from vision.motions.models import Observations
 
 FloatArray = NDArray[np.float64]
 
@@ -222,7 +222,9 @@ def draw_swing(
 ) -> tuple[FloatArray, float, float]:
     """A swing of any size: path, radius, period."""
     amplitude = math.radians(math.exp(rng.uniform(math.log(4), math.log(120))))
-    periods = math.exp(rng.uniform(math.log(least), math.log(40)))
+    # a bob that only passes is seen for less than half a swing
+    low, high = (0.08, 0.8) if rng.random() < 0.25 else (least, 40.0)
+    periods = math.exp(rng.uniform(math.log(low), math.log(high)))
     per_period = rng.uniform(8, 120)
     count = int(np.clip(periods * per_period, 20, 1200))
     period = count / periods
@@ -446,14 +448,28 @@ def draw(seed: int, kind: str | None = None) -> Labelled:
         path, radius = draw_carried(rng, width)
     else:
         path, radius = draw_none(rng, width)
-    if kind not in ("strike", "collision") and rng.random() < 0.25:
+    if kind == "roll" and rng.random() < 0.25:
+        # the other end of the same body, which goes on as it came
+        ahead = path[-1] - path[0]
+        ahead = ahead / max(float(np.hypot(*ahead)), 1e-9)
+        if rng.random() < 0.5:
+            # this end is seen at rest until the other one passes
+            place = path[0] + rng.uniform(0.2, 0.6) * (path[-1] - path[0])
+            passed = (path - place) @ ahead > 0.0
+            striker, size = path.copy(), radius
+            path = np.where(passed[:, None], path, place)
+        else:
+            striker, size = path - rng.uniform(1.0, 8.0) * radius * ahead, radius
+    elif kind not in ("strike", "collision") and rng.random() < 0.25:
         # something else that moves is taken for what struck it
         other = [draw_roll, draw_carried, draw_none][rng.integers(3)](rng, width)
         spot = path[rng.integers(len(path))] + rng.normal(0, 0.3 * width, 2)
         many = min(len(other[0]), len(path))
         striker, size = other[0][:many] - other[0][many // 2] + spot, other[1]
-    elif kind in ("strike", "collision") and rng.random() < 0.15:
+    elif kind in ("strike", "collision") and rng.random() < 0.35:
         striker = None
+        # what hit it was not seen: a body that rolls
+        kind = "roll" if kind == "collision" else kind
     both = path if striker is None else np.concatenate([path, striker])
     shown = seen_through(rng, both, width)
     if rng.random() < 0.15:

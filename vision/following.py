@@ -38,13 +38,14 @@ from vision.ball.choice import (
     untangled,
 )
 from vision.ball.circles import Circles, find_circles
+from vision.ball.courses import LawfulCourse, bends_up, lawful_course
 from vision.ball.leaving import discs_along, left_at_last
 from vision.ball.outline import joined
 from vision.ball.refine import refine_ball
 from vision.ball.silhouette import follow_silhouette, moving_colours
 from vision.clip.footage import Footage
 from vision.lost import LostFrames, lost_frames
-from vision.motion import LawfulCourse, bends_up, lawful_course, motion_of
+from vision.motions.motion import interpret_tracks
 from vision.pendulum.face import Striking
 from vision.pendulum.search import Striker, find_striker, pendulum_track
 from vision.scene import FilmedScene, SceneKnown
@@ -296,16 +297,16 @@ def _followed_in(
     rest_frames = None if rest is None else _still_until(rest, fits)
     others = _others(seen, capture_fps)
     came = others[0].track if choice.struck and others else None
-    sure = mass_at is not None or (striker is not None and striker.surely_struck)
-    motion = motion_of(ball, rest_frames, pendulum=striker is not None, sure=sure, striker=came)
+    pendulum = _pendulum(striker, rest, capture_fps)
+    motion = interpret_tracks(ball, pendulum, came)
     if motion.kind is MotionKind.SWING:
         # What seemed to lie still was at its turning point.
         rest_frames = None
     if motion.kind in _NOT_MET and striker is not None and not striker.surely_struck:
-        striker = None
+        striker, pendulum = None, None
     tracks = Tracks(
         ball=ball,
-        pendulum=_pendulum(striker, rest, capture_fps),
+        pendulum=pendulum,
         background=scene.background.image,
         rest_frames=rest_frames,
         others=others,

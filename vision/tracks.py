@@ -39,8 +39,23 @@ class MotionKind(Enum):
     """An object swings on an arc and strikes nothing."""
     COLLISION = "collision"
     """One of two equal balls hits the other at rest and sets it in motion."""
+    BOUNCE = "bounce"
+    """An object falls freely and bounces; its release is not in view."""
+    ROLL = "roll"
+    """An object moves along a straight line at constant acceleration: it rolls."""
+    SLIDE = "slide"
+    """The same, without rolling."""
+    CIRCLE = "circle"
+    """An object turns at a constant rate."""
+    CARRIED = "carried"
+    """An object follows a smooth path of any shape, as a hand moves it."""
     NONE = "none"
     """No motion that any of these explains."""
+
+    @property
+    def noun(self) -> str:
+        """The kind as a noun."""
+        return "carried motion" if self is MotionKind.CARRIED else str(self.value)
 
 
 class MotionModel(Enum):
@@ -71,7 +86,8 @@ class Motion:
         The evidence, in whole sentences.
     frames : (2,) tuple of int or None
         First and last frame of `Tracks.ball` to which it applies: the free flight without throw
-        and bounce, the swing; for a strike and a collision from rest to the end of free motion.
+        and bounce, the swing; for a strike and a collision from the end of the rest to that of the
+        free motion.
         None if there is no such interval.
     alternatives : tuple of (MotionKind, float)
         Every other kind and its probability, most probable first.
@@ -85,6 +101,17 @@ class Motion:
     frames: tuple[int, int] | None = None
     alternatives: tuple[tuple[MotionKind, float], ...] = ()
     fall_px: tuple[float, float] | None = None
+
+    @property
+    def measured_as(self) -> MotionKind:
+        """The kind whose quantities are measured: a bounce's arcs are flights; of some none are."""
+        if self.kind is MotionKind.BOUNCE:
+            return MotionKind.FLIGHT
+        return self.kind if self.kind not in _UNMEASURED else MotionKind.NONE
+
+
+_UNMEASURED = (MotionKind.ROLL, MotionKind.SLIDE, MotionKind.CIRCLE, MotionKind.CARRIED)
+"""Kinds of motion that are recognised but of which no quantity is measured."""
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ from pipelines.terminal import screen
 from vision.clip.clip import ClipReader
 from vision.clip.footage import choose_capture_rate
 from vision.clip.picture import ClipInfo
-from vision.motion import motion_of
+from vision.motions.motion import interpret_tracks
 from vision.scene import estimate_background
 from vision.tracks import Face, MotionKind, PendulumTrack, Track, Tracks, find_rest
 from vision.tracks import FollowedObject as FollowedObject
@@ -417,7 +417,7 @@ def _tracks(
     rest = find_rest(ball.frame, ball.centre_px, float(np.median(ball.radius_px)))
     pendulum = None if swing is None or rest is None else _pendulum(swing, ball, rest.direction)
     rest_frames = None if rest is None else (rest.first, rest.last)
-    motion = motion_of(ball, rest_frames, pendulum=pendulum is not None)
+    motion = interpret_tracks(ball, pendulum)
     # an upside-down table is detected from gravity: image axes have no sign here
     motion = replace(motion, fall_px=None)
     return Tracks(

@@ -452,7 +452,7 @@ def fit_tracks(
     scene = replace(scene, calibration=wall.calibration)
     report("calibrating", 1.0)
     fitted = FittedClip(followed, wall, scene)
-    if tracks.motion.kind is MotionKind.NONE:
+    if tracks.motion.measured_as is MotionKind.NONE:
         return replace(fitted, refusal=NO_MOTION)
     if tracks.motion.kind in _OTHER_MOTIONS:
         seen = f"the motion is a {tracks.motion.kind.value}, not a strike"
@@ -576,7 +576,7 @@ def _rate_by_fall(followed: FollowedClip, wall: "WallScene") -> CaptureRate:
     rate = followed.rate
     scene = _conditions(followed, wall)
     moving = _motion_scene(scene, followed, wall)
-    if not moving.metric or followed.tracks.motion.kind not in _FALLING:
+    if not moving.metric or followed.tracks.motion.measured_as not in _FALLING:
         return rate
     try:
         estimate = rate_from_gravity(followed.tracks, moving)

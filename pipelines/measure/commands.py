@@ -670,7 +670,7 @@ def _require_something(measured: ClipMeasurement, path: Path) -> None:
     """
     if any(item.known for item in measured.quantities):
         return
-    kind = measured.motion.kind
+    kind = measured.motion.measured_as
     named = [(item, kinds_of(item.name)) for item in measured.quantities]
     own = [item for item, kinds in named if kind in kinds and len(kinds) < len(MotionKind)]
     summary = dict.fromkeys(item.reason for item in own or measured.quantities if item.reason)

@@ -233,7 +233,7 @@ def results_table(measured: ClipMeasurement, names: Sequence[str] | None = None)
     table.add_column("value ± standard uncertainty", overflow="fold")
     other_speeds = [item for item in _other_speeds(measured, names) if item.known]
     for item in (*measured.quantities, *other_speeds):
-        seen = item.known or measured.motion.kind in kinds_of(item.name)
+        seen = item.known or measured.motion.measured_as in kinds_of(item.name)
         if item in other_speeds or (seen and (names is None or item.name in names)):
             table.add_row(quantity_label(item.name), quantity_text(item))
     return table

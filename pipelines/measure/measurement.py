@@ -57,7 +57,7 @@ def motion_warning(motion: Motion) -> tuple[str, ...]:
     """Warning if the motion kind is uncertain; empty otherwise."""
     if motion.kind is MotionKind.NONE or motion.probability >= _CONFIDENT_PROBABILITY:
         return ()
-    kind, left = motion.kind.value, alternative_kinds(motion)
+    kind, left = motion.kind.noun, alternative_kinds(motion)
     alternatives = f" (alternatives: {left})" if left else ""
     return (
         f"the motion is a {kind} with a probability of only {motion.probability:.2f}{alternatives}:"

@@ -880,7 +880,7 @@ class MotionResults:
 
 def motion_quantities(tracks: Tracks, scene: MotionScene) -> MotionResults:
     """Quantities of the observed motion; those of other motions are left to the caller."""
-    kind = tracks.motion.kind
+    kind = tracks.motion.measured_as
     try:
         if kind in (MotionKind.FLIGHT, MotionKind.DROP):
             return _falling(tracks, scene)

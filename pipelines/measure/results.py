@@ -249,7 +249,7 @@ def results_of(
         gravity = _of_a_shadow(gravity)
         # checks of a shadow say nothing about the ball
         checks = []
-    if tracks.motion.kind is MotionKind.NONE:
+    if tracks.motion.measured_as is MotionKind.NONE:
         gravity = Quantity.missing(
             gravity.name, gravity.unit, f"it needs a flight, but {NO_MOTION}"
         )
@@ -278,15 +278,15 @@ def _of_this_motion(
     found: dict[str, Quantity], tracks: Tracks, wanted: Collection[str] | None
 ) -> dict[str, Quantity]:
     """Quantities in the contract's order; those of other motions, or not asked for, say so."""
-    kind = tracks.motion.kind
+    kind, measured_as = tracks.motion.kind, tracks.motion.measured_as
     out: dict[str, Quantity] = {}
     for name, unit in QUANTITY_UNITS.items():
         item = found.get(name)
         if not _asked(wanted, {name}):
             item = Quantity.missing(name, unit, NOT_ASKED)
-        elif item is None or (kind not in kinds_of(name) and not item.known):
+        elif item is None or (measured_as not in kinds_of(name) and not item.known):
             shown_by = " or a ".join(str(one.value) for one in kinds_of(name))
-            seen = f"the motion is a {kind.value}"
+            seen = f"the motion is a {kind.noun}"
             if kind is MotionKind.NONE:
                 seen = NO_MOTION
             item = Quantity.missing(name, unit, f"it needs a {shown_by}, but {seen}")

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from metrology.compiled import compiled
 from vision.ball.choice import BallPath
+from vision.ball.courses import lawful_stretch
 from vision.ball.edges import Cutouts, CutPlaces, EdgeProfile, cut_out, ring_widths
 from vision.ball.outline import (
     FitRules,
@@ -27,7 +28,6 @@ from vision.ball.outline import (
     voted_outlines,
 )
 from vision.ball.streaks import Sweep, swept_outlines
-from vision.motion import lawful_stretch
 from vision.scene import FilmedScene
 
 __all__ = [

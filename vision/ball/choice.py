@@ -34,8 +34,8 @@ from numpy.typing import NDArray
 
 from metrology.compiled import compiled
 from vision.ball.circles import Circles
+from vision.ball.courses import lawful_stretch
 from vision.ball.joining import one_thing
-from vision.motion import lawful_stretch
 from vision.scene import FilmedScene
 from vision.tracks import MotionModel
 

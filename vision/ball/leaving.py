@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from metrology.compiled import compiled
 from vision.ball.ball import outlines_near
 from vision.ball.choice import BallPath
-from vision.motion import lawful_course
+from vision.ball.courses import lawful_course
 from vision.scene import FilmedScene, median_of
 
 __all__ = ["discs_along", "left_at_last"]

@@ -52,7 +52,7 @@ def test_what_goes_straight_on_is_no_swing_and_gives_no_number(
 ) -> None:
     found = measure_clip(written(painted(draw), tmp_path / "clip.mp4"))
     assert [item.name for item in found.quantities if item.known] == []
-    assert found.motion.kind is MotionKind.NONE
+    assert found.motion.measured_as is MotionKind.NONE
     assert all(item.reason for item in found.quantities)
     assert not any("was struck" in said for said in found.warnings)
 

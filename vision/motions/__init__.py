@@ -1,14 +1,13 @@
 """What happens to a tracked object: motion models, segments and events, kind with a probability."""
 
-from vision.interpret.kinds import Interpretation, Kind, interpret
-from vision.interpret.models import Observations
-from vision.interpret.segments import Event, EventKind, Model, Segment
+from vision.motions.kinds import Interpretation, interpret
+from vision.motions.models import Observations
+from vision.motions.segments import Event, EventKind, Model, Segment
 
 __all__ = [
     "Event",
     "EventKind",
     "Interpretation",
-    "Kind",
     "Model",
     "Observations",
     "Segment",

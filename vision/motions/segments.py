@@ -7,7 +7,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from vision.interpret.models import FloatArray, IntArray, Observations, Polynomials
+from vision.motions.models import FloatArray, IntArray, Observations, Polynomials
 
 __all__ = [
     "Division",

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vision.interpret.models import (
+from vision.motions.models import (
     DISCREPANCY,
     MAX_ROW_COST,
     Circle,
@@ -18,7 +18,7 @@ from vision.interpret.models import (
     fit_swing,
     random_process_cost,
 )
-from vision.interpret.segments import (
+from vision.motions.segments import (
     Division,
     Model,
     Segment,

@@ -9,16 +9,15 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
 from functools import cache
 from importlib import resources
 
 import numpy as np
 
-from vision.interpret.explanations import MIN_ROWS, Explained
-from vision.interpret.features import FEATURES, features_of
-from vision.interpret.models import FloatArray, Observations, Swing
-from vision.interpret.segments import (
+from vision.motions.explanations import MIN_ROWS, Explained
+from vision.motions.features import FEATURES, departure_of, features_of
+from vision.motions.models import DISCREPANCY, FloatArray, Observations, Swing
+from vision.motions.segments import (
     Event,
     Model,
     Segment,
@@ -26,24 +25,9 @@ from vision.interpret.segments import (
     events_between,
     segment_of,
 )
+from vision.tracks import MotionKind
 
-__all__ = ["Interpretation", "Kind", "interpret"]
-
-
-class Kind(StrEnum):
-    """Kinds of motion, by the names of the results."""
-
-    STRIKE = "strike"
-    FLIGHT = "flight"
-    DROP = "drop"
-    SWING = "swing"
-    COLLISION = "collision"
-    BOUNCE = "bounce"
-    ROLL = "roll"
-    SLIDE = "slide"
-    CIRCLE = "circle"
-    CARRIED = "carried"
-    NONE = "none"
+__all__ = ["Interpretation", "interpret"]
 
 
 @dataclass(frozen=True)
@@ -52,9 +36,9 @@ class Interpretation:
 
     Attributes
     ----------
-    kind : Kind
+    kind : MotionKind
         The most probable one.
-    probabilities : mapping of Kind to float
+    probabilities : mapping of MotionKind to float
         Of all kinds; sum 1.
     segments : tuple of Segment
         Of the explanation that belongs to the kind.
@@ -64,11 +48,13 @@ class Interpretation:
         Why, in whole sentences.
     frames : (2,) tuple of int or None
         First and last frame of the motion itself: the free fall from release to first bounce, the
-        swing, the roll; from rest to the end of the free motion for a strike and a collision.
+        swing, the roll; from the end of the rest to that of the free motion for a strike and a
+        collision.
     rest : (2,) tuple of int or None
         First and last frame at rest before it moves.
     gravity_px : (2,) tuple of float or None
-        Acceleration shared by all free falls, px per frame²; None where it falls not.
+        Acceleration shared by all free falls, px per frame²; None where nothing falls, or its
+        direction is uncertain.
     noise_px : float
         Standard deviation of the track's noise.
     noise_correlation : float
@@ -77,8 +63,8 @@ class Interpretation:
         Of each explanation, nats; the difference of two is their log odds before calibration.
     """
 
-    kind: Kind
-    probabilities: Mapping[Kind, float]
+    kind: MotionKind
+    probabilities: Mapping[MotionKind, float]
     segments: tuple[Segment, ...]
     events: tuple[Event, ...]
     reasons: tuple[str, ...]
@@ -96,28 +82,32 @@ class Interpretation:
 
 
 @cache
-def _coefficients() -> tuple[tuple[Kind, ...], FloatArray]:
+def _coefficients() -> tuple[tuple[MotionKind, ...], FloatArray]:
     """Kinds and their coefficients (kinds, features), fitted by training/fit_motion_kinds.py."""
-    text = resources.files("vision.interpret").joinpath("motion_kinds.json").read_text("utf-8")
+    text = resources.files("vision.motions").joinpath("motion_kinds.json").read_text("utf-8")
     data = json.loads(text)
-    kinds = tuple(Kind(name) for name in data["coefficients"])
-    rows = [[data["coefficients"][kind][name][0] for name in FEATURES] for kind in kinds]
+    kinds = tuple(MotionKind(name) for name in data["coefficients"])
+    rows = [[data["coefficients"][kind.value][name][0] for name in FEATURES] for kind in kinds]
     return kinds, np.array(rows)
 
 
-def probabilities_of(values: FloatArray) -> dict[Kind, float]:
+def probabilities_of(values: FloatArray) -> dict[MotionKind, float]:
     """Probability of each kind from features."""
     kinds, coefficients = _coefficients()
     score = coefficients @ values
     share = np.exp(score - score.max())
     share /= share.sum()
-    found = dict.fromkeys(Kind, 0.0)
+    found = dict.fromkeys(MotionKind, 0.0)
     found.update(zip(kinds, share.tolist(), strict=True))
     return found
 
 
 def interpret(
-    ball: Observations, striker: Observations | None = None, rolls: float = 1.0
+    ball: Observations,
+    striker: Observations | None = None,
+    *,
+    rolls: float = 1.0,
+    hangs: bool = False,
 ) -> Interpretation:
     """Which kind of motion a track shows, or a ball with the one that may have struck it.
 
@@ -130,6 +120,8 @@ def interpret(
     rolls : float
         Probability that it rolls where it may roll or slide, from its appearance; a track of the
         centre does not distinguish them.
+    hangs : bool
+        Whether the striker is known to turn about a pivot above it, so that it is no second ball.
 
     Returns
     -------
@@ -137,17 +129,28 @@ def interpret(
     """
     values, one, other = features_of(ball, striker)
     if one is None:
-        shares = dict.fromkeys(Kind, 0.0) | {Kind.NONE: 1.0}
+        shares = dict.fromkeys(MotionKind, 0.0) | {MotionKind.NONE: 1.0}
         reason = f"It is seen in {len(ball)} frames only; {MIN_ROWS} are needed to fit a motion."
-        return Interpretation(Kind.NONE, shares, (), (), (reason,), None, None, None, math.nan, 0.0)
+        return Interpretation(
+            MotionKind.NONE, shares, (), (), (reason,), None, None, None, math.nan, 0.0
+        )
     shares = probabilities_of(values)
-    shares[Kind.ROLL], shares[Kind.SLIDE] = (
-        shares[Kind.ROLL] * rolls,
-        shares[Kind.ROLL] * (1.0 - rolls),
+    shares[MotionKind.ROLL], shares[MotionKind.SLIDE] = (
+        shares[MotionKind.ROLL] * rolls,
+        shares[MotionKind.ROLL] * (1.0 - rolls),
     )
+    if hangs:
+        shares[MotionKind.STRIKE] += shares[MotionKind.COLLISION]
+        shares[MotionKind.COLLISION] = 0.0
+    if departure_of(one) is None:
+        # by definition what is struck or hit was at rest
+        shares = _without(shares, _STRUCK)
+    elif striker is None:
+        # and another ball hit it
+        shares = _without(shares, (MotionKind.COLLISION,))
     kind = max(shares, key=lambda name: shares[name])
     segments, down = _segments(one, kind)
-    events = list(events_between(segments, down)) if kind is not Kind.CIRCLE else []
+    events = list(events_between(segments, down)) if kind is not MotionKind.CIRCLE else []
     main = _main(kind, segments)
     rests = [each for each in segments if each.model is Model.REST]
     rests = [each for each in rests if main is not None and each.last < main.first]
@@ -155,7 +158,6 @@ def interpret(
         late = [event for event in events if event.frame > main.first + 1]
         events = [contact_between(rests[-1], main), *late]
     features = dict(zip(FEATURES, values.tolist(), strict=True))
-    falls_at_all = features["fall_share"] > 0.5 and kind in _FALLING
     return Interpretation(
         kind,
         shares,
@@ -164,24 +166,62 @@ def interpret(
         _reasons(one, other, kind, features, segments),
         _frames(kind, segments, main),
         (rests[0].first, rests[-1].last) if rests else None,
-        (float(one.gravity[0]), float(one.gravity[1])) if falls_at_all else None,
+        _fall(one) if sum(shares[each] for each in _FALLING) > _SURE_SHARE else None,
         one.noise,
         one.alike,
         one.costs,
     )
 
 
-_FALLING = (Kind.STRIKE, Kind.FLIGHT, Kind.DROP, Kind.BOUNCE)
-_STRUCK = (Kind.STRIKE, Kind.COLLISION)
+def _without(
+    shares: Mapping[MotionKind, float], kinds: tuple[MotionKind, ...]
+) -> dict[MotionKind, float]:
+    """Probabilities if some kinds are excluded."""
+    left = 1.0 - sum(shares[kind] for kind in kinds)
+    if left <= 0.0:
+        return dict.fromkeys(MotionKind, 0.0) | {MotionKind.NONE: 1.0}
+    return {kind: 0.0 if kind in kinds else share / left for kind, share in shares.items()}
 
 
-def _segments(one: Explained, kind: Kind) -> tuple[tuple[Segment, ...], FloatArray | None]:
+_SURE_SIGMAS = 5.0
+"""Standard deviations of an acceleration from which its direction is stated. Derived: a fifth of a
+radian."""
+
+
+_SURE_SHARE = 0.9
+"""Probability of a free fall from which its direction is stated. Convention: one in ten errs."""
+
+
+def _fall(one: Explained) -> tuple[float, float] | None:
+    """Acceleration shared by all free falls, if its direction is certain."""
+    information = 0.0
+    for span in one.fall.spans:
+        if span.model is not Model.FALL or span.stop - span.first < MIN_ROWS:
+            continue
+        each = segment_of(one.seen, replace(span, model=Model.PARABOLA), one.noise, one.worth)
+        length = float(np.hypot(*(each.at(each.last)[0] - each.at(each.first)[0])))
+        # a lens bends a straight path by so much of its length
+        lens = 8.0 * DISCREPANCY * length / max(each.last - each.first, 1) ** 2
+        information += 1.0 / (4.0 * float(each.covariance[2, 2]) + lens**2)
+    across, down = one.gravity.tolist()
+    if information <= 0.0 or math.hypot(across, down) < _SURE_SIGMAS / math.sqrt(information):
+        return None
+    return across, down
+
+
+_FALLING = (MotionKind.STRIKE, MotionKind.FLIGHT, MotionKind.DROP, MotionKind.BOUNCE)
+_STRUCK = (MotionKind.STRIKE, MotionKind.COLLISION)
+
+
+def _segments(one: Explained, kind: MotionKind) -> tuple[tuple[Segment, ...], FloatArray | None]:
     """Segments of the explanation that belongs to a kind, and which way things fall."""
     if kind in _FALLING:
         return one.segments(one.fall), one.gravity
-    if kind in (Kind.ROLL, Kind.SLIDE, Kind.COLLISION):
+    if kind in (MotionKind.ROLL, MotionKind.SLIDE, MotionKind.COLLISION):
         return one.segments(one.slope), None
-    whole = one.swing if kind is Kind.SWING else one.circle if kind is Kind.CIRCLE else None
+    whole = (
+        one.swing if kind is MotionKind.SWING else one.circle if kind is MotionKind.CIRCLE else None
+    )
     if whole is None:
         return one.segments(one.free), None
     inner = one.seen.rows(one.core)
@@ -212,35 +252,72 @@ def _segments(one: Explained, kind: Kind) -> tuple[tuple[Segment, ...], FloatArr
     return (*before, middle, *after), None
 
 
-def _main(kind: Kind, segments: tuple[Segment, ...]) -> Segment | None:
+def _main(kind: MotionKind, segments: tuple[Segment, ...]) -> Segment | None:
     """The segment that gives a kind its name: the first at least half as long as the longest."""
     model = Model.FALL if kind in _FALLING else Model.SLOPE
     moves = [each for each in segments if each.model is not Model.REST]
+    still = [each for each in segments if each.model is Model.REST]
+    if kind in _STRUCK and still:
+        # what lies still before it is struck moves after its longest rest
+        rest = max(still, key=lambda each: each.last - each.first)
+        moves = [each for each in moves if each.first > rest.last] or moves
     named = [each for each in moves if each.model is model] or moves
     longest = max((each.last - each.first for each in named), default=0)
-    if kind in (Kind.ROLL, Kind.SLIDE):
+    if kind in (MotionKind.ROLL, MotionKind.SLIDE):
         return next((each for each in named if each.last - each.first == longest), None)
     return next((each for each in named if 2 * (each.last - each.first) >= longest), None)
 
 
 def _frames(
-    kind: Kind, segments: tuple[Segment, ...], main: Segment | None
+    kind: MotionKind, segments: tuple[Segment, ...], main: Segment | None
 ) -> tuple[int, int] | None:
     """Frames of the motion itself."""
-    if main is None or kind is Kind.NONE:
+    if main is None or kind is MotionKind.NONE:
         return None
+    first, last = _unbroken(segments, main)
     if kind in _STRUCK:
-        return segments[0].first, main.last
-    if kind in _FALLING or kind in (Kind.ROLL, Kind.SLIDE):
-        return main.first, main.last
+        still = [each.last for each in segments if each.model is Model.REST and each.last < first]
+        return max(still, default=first), last
+    if kind in _FALLING or kind in (MotionKind.ROLL, MotionKind.SLIDE):
+        return first, last
     moves = [each for each in segments if each.model is not Model.REST]
     return moves[0].first, moves[-1].last
+
+
+_MAX_JUMP = 0.1
+"""Of the speed: larger changes of velocity between segments are a bounce or a hit. Chosen;
+insensitive between 0.05 and 0.2: drag and lens change it by less, impacts by more."""
+
+
+def _unbroken(segments: tuple[Segment, ...], main: Segment) -> tuple[int, int]:
+    """Frames of a segment with those that continue it: drag or a lens may break it without event.
+
+    Continued are position and velocity, within what is known of them and a fraction of the speed.
+    """
+    first = last = segments.index(main)
+    while last + 1 < len(segments) and _continued(segments[last], segments[last + 1]):
+        last += 1
+    while first > 0 and _continued(segments[first - 1], segments[first]):
+        first -= 1
+    return segments[first].first, segments[last].last
+
+
+def _continued(before: Segment, after: Segment) -> bool:
+    if before.model is not after.model or before.model not in (Model.FALL, Model.SLOPE):
+        return False
+    frame = 0.5 * (before.last + after.first)
+    (place, slow, _), (there, fast, _) = before.at(frame), after.at(frame)
+    speed = min(float(np.hypot(*slow)), float(np.hypot(*fast)))
+    place_std = math.hypot(before.spread(frame)[0], after.spread(frame)[0])
+    speed_std = math.hypot(before.spread(frame)[1], after.spread(frame)[1])
+    apart, jump = float(np.hypot(*(there - place))), float(np.hypot(*(fast - slow)))
+    return jump < 4.0 * speed_std + _MAX_JUMP * speed and apart < 4.0 * place_std + speed
 
 
 def _reasons(
     one: Explained,
     other: Explained | None,
-    kind: Kind,
+    kind: MotionKind,
     features: Mapping[str, float],
     segments: tuple[Segment, ...],
 ) -> tuple[str, ...]:
@@ -255,31 +332,31 @@ def _reasons(
             f"Free fall in {len(falling)} arc{'s' * (len(falling) > 1)} with one acceleration of"
             f" {pull:.3g} px per frame² in {rows} frames ({noise})."
         )
-    if kind is Kind.DROP:
+    if kind is MotionKind.DROP:
         found.append("It falls straight from rest.")
-    elif kind is Kind.FLIGHT:
+    elif kind is MotionKind.FLIGHT:
         found.append("It was already moving when the free flight began.")
-    elif kind is Kind.BOUNCE:
+    elif kind is MotionKind.BOUNCE:
         found.append("It bounces, and how it was released is not in view.")
-    elif kind is Kind.SWING and one.swing is not None:
+    elif kind is MotionKind.SWING and one.swing is not None:
         found.append(
             f"A pendulum's swing with a period of {one.swing.period:.5g} ± "
             f"{one.swing.period_std:.2g} frames, {one.swing.periods:.2g} periods in view ({noise})."
         )
-    elif kind is Kind.CIRCLE and one.circle is not None:
+    elif kind is MotionKind.CIRCLE and one.circle is not None:
         found.append(
             f"A turn at constant rate, {one.circle.period:.4g} frames a turn, axes 1 to"
             f" {one.circle.ratio:.2f}."
         )
-    elif kind in (Kind.ROLL, Kind.SLIDE):
+    elif kind in (MotionKind.ROLL, MotionKind.SLIDE):
         found.append(f"It moves along one straight line at constant acceleration ({noise}).")
-    elif kind is Kind.CARRIED:
+    elif kind is MotionKind.CARRIED:
         found.append("No motion model explains it better than a smooth path of any shape.")
-    elif kind is Kind.NONE:
+    elif kind is MotionKind.NONE:
         found.append(f"No motion beyond the noise of {one.noise:.2g} px and drift.")
-    if kind in (Kind.STRIKE, Kind.COLLISION):
+    if kind in (MotionKind.STRIKE, MotionKind.COLLISION):
         met = features["pair_approach"] > 0.5
-        what = "a pendulum" if kind is Kind.STRIKE else "another body"
+        what = "a pendulum" if kind is MotionKind.STRIKE else "another body"
         found.append(
             f"It was at rest and left when {what} reached it."
             if met

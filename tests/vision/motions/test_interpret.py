@@ -9,7 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tests.shared_data import shared_folder
-from vision.interpret import EventKind, Kind, Model, Observations, interpret
+from vision.motions import EventKind, Model, Observations, interpret
+from vision.tracks import MotionKind
 
 
 def seen(path, noise, rng, radius=10.0, first=0, keep=None):
@@ -62,7 +63,7 @@ def test_swings_of_any_size_are_recognised_with_their_period(amplitude, periods,
     rng = np.random.default_rng(amplitude)
     path, period = pendulum(amplitude, periods, 420, decay=0.02)
     found = interpret(seen(path, noise, rng))
-    assert found.kind is Kind.SWING
+    assert found.kind is MotionKind.SWING
     swing = next(each for each in found.segments if each.model is Model.SWING)
     # zero crossings of a swing that hardly decays come at its period
     assert swing.period == pytest.approx(period, abs=4 * swing.period_std + 1e-3 * period)
@@ -74,7 +75,7 @@ def test_a_swing_s_decay_and_amplitude_are_those_of_the_equation():
     path, _ = pendulum(50, 10, 500, decay=1.2)
     found = interpret(seen(path, 0.5, rng))
     swing = next(each for each in found.segments if each.model is Model.SWING)
-    assert found.kind is Kind.SWING
+    assert found.kind is MotionKind.SWING
     assert math.degrees(swing.amplitude) == pytest.approx(50, abs=2)
     assert swing.damping == pytest.approx(1.2 / 500, rel=0.1)
 
@@ -84,7 +85,7 @@ def test_a_drop_with_bounces_has_its_release_its_contacts_and_one_gravity():
     y, contacts = bounced(260.0, 0.08, 0.75, 40.3, 300)
     path = np.column_stack([np.full(300, 200.0), 50 + y])
     found = interpret(seen(path, 0.4, rng))
-    assert found.kind in (Kind.DROP, Kind.BOUNCE)
+    assert found.kind in (MotionKind.DROP, MotionKind.BOUNCE)
     assert found.gravity_px is not None
     assert found.gravity_px[1] == pytest.approx(0.08, rel=0.01)
     release = next(each for each in found.events if each.kind is EventKind.RELEASE)
@@ -102,7 +103,7 @@ def test_a_throw_is_a_flight_with_the_gravity_of_its_camera_tilted_or_not():
         pull = 0.15 * np.array([math.sin(tilt), math.cos(tilt)])
         path = np.array([40.0, 300.0]) + t * [4.0, -6.0] + 0.5 * pull * t**2
         found = interpret(seen(path, 0.5, rng))
-        assert found.kind is Kind.FLIGHT
+        assert found.kind is MotionKind.FLIGHT
         assert found.gravity_px == pytest.approx(tuple(pull), abs=0.003)
         assert found.frames == (0, 79)
 
@@ -115,7 +116,7 @@ def test_the_longest_segment_keeps_its_name_when_a_slide_ends_in_a_fall():
     u = np.arange(1.0, 28.0)[:, None]
     fall = slide[-1] + u * (slide[-1] - slide[-2]) + [0, 0.06] * u**2
     found = interpret(seen(np.concatenate([slide, fall]), 0.7, rng))
-    assert found.kind in (Kind.ROLL, Kind.SLIDE)
+    assert found.kind in (MotionKind.ROLL, MotionKind.SLIDE)
     assert found.frames is not None
     assert found.frames[1] == pytest.approx(360, abs=8)
 
@@ -125,7 +126,7 @@ def test_a_body_that_rolls_up_a_slope_and_back_rolls():
     t = np.arange(300.0)
     path = np.outer(2.2 * t - 0.0085 * t**2, [0.98, -0.2]) + np.array([50, 200])
     found = interpret(seen(path, 0.4, rng))
-    assert found.kind in (Kind.ROLL, Kind.SLIDE)
+    assert found.kind in (MotionKind.ROLL, MotionKind.SLIDE)
     turn = next(each for each in found.events if each.kind is EventKind.TURN)
     assert turn.frame == pytest.approx(2.2 / 0.017, abs=4 * turn.std + 0.5)
 
@@ -153,7 +154,7 @@ def test_a_pendulum_that_meets_a_ball_at_rest_is_a_strike_at_the_frame_of_contac
     for rest in (40, 170):
         ball, mass = struck(rest, rest + 90)
         found = interpret(seen(ball, 0.3, rng, 12), seen(mass, 0.8, rng, 12))
-        assert found.kind is Kind.STRIKE
+        assert found.kind is MotionKind.STRIKE
         assert found.rest is not None
         assert found.rest[1] == pytest.approx(rest, abs=2)
         contact = next(each for each in found.events if each.kind is EventKind.CONTACT)
@@ -166,7 +167,7 @@ def test_a_ball_that_meets_another_at_rest_is_a_collision():
     target = np.where(t[:, None] > 0, np.outer(t, [1.7, 0.3]), 0.0) + np.array([200, 150])
     striker = np.where(t[:, None] < 0, np.outer(t, [2.0, 0.2]), np.outer(t, [0.3, -0.1]))
     found = interpret(seen(target, 0.3, rng, 9), seen(striker + np.array([182, 147]), 0.3, rng, 9))
-    assert found.kind is Kind.COLLISION
+    assert found.kind is MotionKind.COLLISION
     contact = next(each for each in found.events if each.kind is EventKind.CONTACT)
     assert contact.frame == pytest.approx(70.4, abs=4 * contact.std + 0.3)
 
@@ -181,7 +182,7 @@ def test_a_hand_s_way_is_no_motion_of_a_free_body():
         ]
     )
     found = interpret(seen(path, 0.4, rng))
-    free = (Kind.FLIGHT, Kind.DROP, Kind.STRIKE, Kind.SWING)
+    free = (MotionKind.FLIGHT, MotionKind.DROP, MotionKind.STRIKE, MotionKind.SWING)
     assert sum(found.probabilities[kind] for kind in free) < 0.5
 
 
@@ -189,15 +190,15 @@ def test_a_hand_s_way_is_no_motion_of_a_free_body():
 def test_what_only_trembles_has_no_motion(noise):
     rng = np.random.default_rng(9)
     found = interpret(seen(np.full((120, 2), 100.0), noise, rng))
-    assert found.kind is Kind.NONE
+    assert found.kind is MotionKind.NONE
 
 
 def test_too_few_rows_and_rows_without_numbers_are_none():
     rng = np.random.default_rng(10)
-    assert interpret(seen(np.zeros((3, 2)), 1.0, rng)).kind is Kind.NONE
+    assert interpret(seen(np.zeros((3, 2)), 1.0, rng)).kind is MotionKind.NONE
     assert (
         interpret(Observations.of(np.arange(9), np.full((9, 2), np.nan), 1.0, 5.0)).kind
-        is Kind.NONE
+        is MotionKind.NONE
     )
 
 
@@ -209,9 +210,9 @@ def test_probabilities_of_all_kinds_sum_to_one_and_misses_change_no_kind():
     wild = path.copy()
     wild[[20, 66]] += 80
     found = interpret(seen(wild, 0.5, rng, keep=keep))
-    assert set(found.probabilities) == set(Kind)
+    assert set(found.probabilities) == set(MotionKind)
     assert sum(found.probabilities.values()) == pytest.approx(1.0)
-    assert found.kind is Kind.FLIGHT
+    assert found.kind is MotionKind.FLIGHT
 
 
 def test_noise_that_changes_slowly_is_reported_as_correlated():
@@ -229,7 +230,7 @@ def test_a_long_track_takes_less_than_a_second_of_cpu():
     path, _ = pendulum(40, 20, 2000, decay=0.5)
     track = seen(path, 0.5, rng)
     began = time.process_time()
-    assert interpret(track).kind is Kind.SWING
+    assert interpret(track).kind is MotionKind.SWING
     assert time.process_time() - began < 1.0
 
 

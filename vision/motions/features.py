@@ -7,11 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from vision.interpret.explanations import MIN_ROWS, Explained, explain
-from vision.interpret.models import DISCREPANCY, FloatArray, Observations
-from vision.interpret.segments import Division, Model, Span, segment_of
+from vision.motions.explanations import MIN_ROWS, Explained, explain
+from vision.motions.models import DISCREPANCY, FloatArray, Observations
+from vision.motions.segments import Division, Model, Span, segment_of
 
-__all__ = ["FEATURES", "features_of"]
+__all__ = ["FEATURES", "departure_of", "features_of"]
 
 FEATURES = (
     "one",
@@ -205,7 +205,14 @@ def _falling(one: Explained) -> dict[str, float]:
         "fall_sideways": sure * min(abs(across) * frames / max(path, 1e-9), 2.0),
         "fall_upwards": sure * min(max(-along - 2.0 * spread, 0.0) / (pull * frames), 1.0),
         "fall_bounces": sure * min(bounces, 3),
+        # free fall that has to begin anew without a bounce is an arc or a hand's path
+        "fall_breaks": sure * min(_falls_in_a_row(spans) - bounces, 5),
     }
+
+
+def _falls_in_a_row(spans: Sequence[Span]) -> int:
+    """How often one fall follows another one."""
+    return sum(one.model is other.model is Model.FALL for one, other in pairwise(spans))
 
 
 def _turns_up(one: Explained, before: Span, after: Span, down: FloatArray) -> bool:
@@ -248,7 +255,7 @@ def _sliding(one: Explained) -> dict[str, float]:
 
 def _pair(one: Explained, other: Explained, values: dict[str, float]) -> dict[str, float]:
     """How the striker and the ball met."""
-    left = _departure(one)
+    left = departure_of(one)
     if left is None:
         return {}
     met = _meeting(one, other, left)
@@ -267,14 +274,25 @@ def _pair(one: Explained, other: Explained, values: dict[str, float]) -> dict[st
     }
 
 
-def _departure(one: Explained) -> float | None:
-    """Frame at which the ball leaves its rest, None where it never rests first."""
-    for index, span in enumerate(one.free.spans[:-1]):
-        if span.model is Model.REST and span.stop - span.first >= 3:
-            after = one.free.spans[index + 1]
-            ends = one.seen.frame[[span.first, after.stop - 1]]
-            if ends[1] > ends[0]:
-                return float(one.seen.frame[span.stop - 1])
+def departure_of(one: Explained) -> float | None:
+    """Frame at which the ball leaves its rest, None where it never rests first.
+
+    The first time that it gets farther than its radius: before, it may be disturbed in its place.
+    """
+    rests = [
+        index
+        for index, span in enumerate(one.free.spans[:-1])
+        if span.model is Model.REST
+        and one.free.spans[index + 1].model is not Model.REST
+        and span.stop - span.first >= 3
+    ]
+    for index in rests:
+        span = one.free.spans[index]
+        still = np.median(one.seen.place[span.first : span.stop], axis=0)
+        later = [other.first for other in one.free.spans[index + 1 :] if other.model is Model.REST]
+        moved = one.seen.place[span.stop : later[0] if later else len(one.seen)] - still
+        if index == rests[-1] or np.hypot(*moved.T).max() > one.seen.radius:
+            return float(one.seen.frame[span.stop - 1])
     return None
 
 
