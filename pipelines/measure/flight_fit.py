@@ -62,10 +62,14 @@ class SwingFit:
         Time at which the state is given, s.
     fitted : Fitted
         Values φ (rad), ω (rad/s), Ω² (1/s²) at `reference_s`.
+    noise_factor : float
+        Random error of the angles over the stated one, at most 1: errors larger than stated widen
+        `fitted`.
     """
 
     reference_s: float
     fitted: Fitted
+    noise_factor: float = 1.0
 
     def state(self, time_s: float, values: FloatArray | None = None) -> tuple[float, float]:
         """Angle (rad) and angular velocity (rad/s) at a time."""
@@ -123,17 +127,40 @@ def fit_swing(
             hint="Film the mass for five frames on each side of the contact, or at a higher rate.",
         )
     slope, offset = np.polyfit(time_s - reference_s, angle_rad, 1)
-    scale = np.maximum(std_rad, 0.3 * float(np.median(std_rad)))
+    stated = np.maximum(std_rad, 0.3 * float(np.median(std_rad)))
 
-    def residuals(values: FloatArray) -> FloatArray:
-        return (_swung(values, time_s - reference_s)[0] - angle_rad) / scale
+    def residuals_over(factor: float) -> Callable[[FloatArray], FloatArray]:
+        return lambda values: (
+            (_swung(values, time_s - reference_s)[0] - angle_rad) / (factor * stated)
+        )
 
     prior, spread = [offset, slope, stiffness], [np.inf, np.inf, stiffness_std]
-    if near is None:
-        fitted = fit(residuals, prior, prior, spread, stacked=True)
-    else:
-        fitted = moved_fit(near.fitted, residuals, prior, spread)
-    return SwingFit(reference_s, fitted)
+    if near is not None:
+        residuals = residuals_over(near.noise_factor)
+        moved = moved_fit(near.fitted, residuals, prior, spread)
+        return SwingFit(reference_s, moved, near.noise_factor)
+    fitted = fit(residuals_over(1.0), prior, prior, spread, stacked=True)
+    factor = _noise_factor(fitted.residuals)
+    if factor < 1.0:
+        fitted = fit(residuals_over(factor), prior, prior, spread, stacked=True)
+    return SwingFit(reference_s, fitted, factor)
+
+
+_MIN_NOISE_FACTOR = 0.05
+"""Least random error over the stated one (chosen: stated errors are overestimated by up to 10)."""
+
+
+def _noise_factor(left: FloatArray) -> float:
+    """Random error over the stated one by residuals (N,) of a swing, at most 1.
+
+    An upper limit of one standard deviation, with the correlation of neighbouring residuals.
+    """
+    count = len(left)
+    variance = float(left @ left) / max(count - 3, 1)
+    alike = float(left[1:] @ left[:-1]) / max(float(left @ left), 1e-300)
+    alike = min(max(alike, 0.0), 0.9)
+    variance *= (1.0 + alike) / (1.0 - alike) * (1.0 + math.sqrt(2.0 / count))
+    return min(1.0, max(_MIN_NOISE_FACTOR, math.sqrt(variance)))
 
 
 def _swung(values: FloatArray, elapsed: FloatArray) -> tuple[FloatArray, FloatArray]:

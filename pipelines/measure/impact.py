@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from metrology import MeasurementError, NoFitError, NotFoundError
 from physics import bodies
-from physics.contact import contact_time_bound, damping_for_cor
+from physics.contact import damping_for_cor
 from pipelines.measure.flight_fit import (
     MAX_CONTACT_S,
     FlightFit,
@@ -262,7 +262,7 @@ class ImpactView:
     face_offset, face_offset_std : float
         Lead of the face over the line from pivot to mass.
     longest_s : float
-        Upper bound of the contact time of the ball (`physics.contact`), s.
+        Upper bound of the contact time, s: a softer ball would be flat under its own weight.
     bob_arm : float or None
         Pivot to the centre of a round bob; None where the mass has a flat face.
     face_alternatives : tuple of FaceHypothesis
@@ -370,15 +370,18 @@ def fit_contact(view: ImpactView, around_s: float, *, check_bound: bool = True) 
             "the paths of the mass and the ball never meet",
             hint="Check --ball-at and --mass-at, or film square to the plane of the swing.",
         )
-    likely = int(np.argmin(tried.cost(1.0)))
+    prior = np.concatenate([one.prior_penalty(one.offsets) for one in hypotheses])
+    cost, beyond = np.full((2, len(offsets)), np.inf)
+    beyond[tried.place] = _bound_penalty(tried.lasting_s, view)
+    if check_bound and float((prior + beyond).min()) > float(prior.min()) + MAX_BOUND_MISFIT:
+        # the face was not seen where any contact of the ball would need it
+        nearest = int(np.argmin(prior[tried.place]))
+        raise _no_contact(float(tried.lasting_s[nearest]), view)
+    likely = int(np.argmin(tried.cost(1.0) + beyond[tried.place]))
     left = tried.left[:, likely]
     widened = max(1.0, float(np.mean(np.minimum(left**2, 9.0))))
-    cost, beyond = np.full((2, len(offsets)), np.inf)
     cost[tried.place] = tried.cost(widened)
-    cost += np.concatenate([one.prior_penalty(one.offsets) for one in hypotheses])
-    beyond[tried.place] = _bound_penalty(tried.lasting_s, view)
-    if check_bound and float((cost + beyond).min()) > float(cost.min()) + MAX_BOUND_MISFIT:
-        raise _no_contact(float(tried.lasting_s[likely]), view)
+    cost += prior
     unbound, _ = _mean_and_std(cost, offsets)
     face_offset, std = _mean_and_std(cost + beyond, offsets)
     # the shift by the bound is unexplained, so it counts as uncertainty
@@ -422,7 +425,7 @@ def _no_contact(lasting_s: float, view: ImpactView) -> MeasurementError:
             hint="Point at the ball with --ball-at X,Y and at the mass with --mass-at X,Y.",
         )
     return NotFoundError(
-        f"the contact would last {lasts:.0f} ms, but a ball of this mass and size stays in contact "
+        f"the contact would last {lasts:.0f} ms, but a ball that is round at rest stays in contact "
         f"for at most {1e3 * view.longest_s:.0f} ms: the striker was not the object tracked, or "
         "the capture rate is wrong",
         hint="Point at the mass with --mass-at X,Y, and check --fps and --ball.",
@@ -679,7 +682,9 @@ def _pendulum_lag(view: ImpactView, ends: _Ends, swung: FloatArray) -> FloatArra
     release = ends.onset_s + ends.duration
     slowed = view.before.states(release)[1] - view.after.states(release)[1]
     behind = view.before.angles(view.swing_time_s) - view.swing_rad
-    noise = view.swing_std_rad * math.sqrt(view.before.fitted.chi2_per_dof)
+    chi2 = view.before.fitted.chi2_per_dof
+    factor = max(view.before.noise_factor, view.after.noise_factor)
+    noise = factor * math.sqrt(chi2) * view.swing_std_rad
     std = np.hypot(noise[:, np.newaxis], PULSE_SHAPE_STD * slowed * ends.duration)
     off = behind[:, np.newaxis, np.newaxis] - slowed[:, np.newaxis] * swung
     return np.asarray(off / std[..., np.newaxis])
@@ -943,8 +948,9 @@ chance agreement is negligible (assumed)."""
 MIN_FRAMES_AT_REST = 5
 """Frames at rest that distinguish a ball put back from a bounce passing by (chosen)."""
 
-TYPICAL_APPROACH_SPEED = 2.5
-"""m/s, typical approach speed of the paper's strikes; the contact bound hardly depends on it."""
+MAX_SAG_FRACTION = 0.01
+"""Of the diameter, by which a ball at rest is flattened by its weight (derived: outlines are round
+to 1 %; a softer ball is not tracked as one)."""
 
 MIN_STRIKE_COR, MAX_STRIKE_COR = 0.1, 1.15
 """COR, dimensionless (chosen): a passive contact returns at most 1, plus measurement error; below
@@ -968,8 +974,6 @@ class Impact:
     reason : str
     last_flight_s : float
         Last frame of the flight that is in view, s.
-    paths_contradict : bool
-        Whether mass and ball separate before they meet: the flight may be wrong.
     landing : LandingSeen or None
         Touch-down from the frames around it alone; otherwise `landing_reason` says why not.
     landing_reason : str
@@ -984,7 +988,6 @@ class Impact:
     last_flight_s: float
     landing: LandingSeen | None = None
     landing_reason: str = ""
-    paths_contradict: bool = False
 
 
 def departure(tracks: MetricTracks) -> float:
@@ -1089,7 +1092,6 @@ def find_impact(
     view: ImpactView | None = None
     contact: ContactFit | None = None
     reason = "no pendulum mass found in the clip; point at it with --mass-at X,Y"
-    contradict = False
     evidence: FaceEvidence | None = None
     flight = _flight(tracks, inputs, release, landed, free=False)
     for _ in range(_SELECTION_ROUNDS if started is None else 1):
@@ -1105,7 +1107,6 @@ def find_impact(
             )
             evidence = view.face_evidence
         except MeasurementError as problem:
-            contradict = view is not None and isinstance(problem, NoFitError)
             view, contact, reason = None, None, problem.in_one_line
             break
         onset, release = contact.onset_s, contact.release_s
@@ -1128,7 +1129,7 @@ def find_impact(
     _require_flight(free, tracks)
     landing, unseen = _landing(tracks, inputs, flight)
     last = float(flight.time_s[-1])
-    return Impact(tracks, flight, free, view, contact, reason, last, landing, unseen, contradict)
+    return Impact(tracks, flight, free, view, contact, reason, last, landing, unseen)
 
 
 def _landing(
@@ -1328,7 +1329,7 @@ def _view(
         swing_std_rad=tracks.swing_std_rad[swinging],
         face_offset=0.0,
         face_offset_std=math.inf,
-        longest_s=_longest_contact(inputs),
+        longest_s=_longest_contact(inputs, radius),
         bob_arm=tracks.bob_arm_m,
     )
     return _with_face(view, tracks, inputs, frames.onset, evidence)
@@ -1368,13 +1369,13 @@ def _fit_contact_with_alternatives(
     return view, fit_contact(view, around_s)
 
 
-def _longest_contact(inputs: Inputs) -> float:
-    """Upper bound of the ball's contact time, s; infinite if its mass is unknown."""
-    ball = inputs.ball
-    if ball is None or ball.mass is None:
-        return np.inf
-    face = inputs.pendulum.mass_at_contact
-    return contact_time_bound(ball.mass, ball.diameter, face, TYPICAL_APPROACH_SPEED).longest
+def _longest_contact(inputs: Inputs, radius: float) -> float:
+    """Upper bound of the contact time of a ball that its own weight does not flatten visibly, s.
+
+    With a sag of s = m g / k the contact lasts for half a period, π √(m / k) = π √(s / g); the mass
+    of the striker and a law that stiffens with compression only shorten it.
+    """
+    return math.pi * math.sqrt(2.0 * MAX_SAG_FRACTION * radius / inputs.gravity)
 
 
 _LINE_FRAMES = 10

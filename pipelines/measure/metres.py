@@ -463,11 +463,17 @@ def _moves_at_rest(ball: Track, still: NDArray[np.bool_]) -> bool:
         return False
     step = np.hypot(*(np.diff(ball.centre_px, axis=0) / np.diff(ball.frame)[:, np.newaxis]).T)
     resting = still[1:] & still[:-1]
+    if not resting.any() or resting.all():
+        return False
+    # what moves gets on: steps to and fro are noise, however large
+    place, frame = ball.centre_px[still], ball.frame[still]
+    third = max(len(place) // 3, 1)
+    ends = [np.median(rows, axis=0) for rows in (place[:third], place[-third:])]
+    elapsed = float(np.mean(frame[-third:]) - np.mean(frame[:third]))
+    gone = float(np.hypot(*(ends[1] - ends[0])))
     noise = float(np.sqrt(np.median(np.trace(ball.covariance_px2, axis1=1, axis2=2))))
-    speed = float(np.median(step[resting]))
-    return (
-        speed > MAX_REST_SPEED_FRACTION * float(np.median(step[~resting])) and speed > 3.0 * noise
-    )
+    speed = gone / max(elapsed, 1.0)
+    return speed > MAX_REST_SPEED_FRACTION * float(np.median(step[~resting])) and gone > 3.0 * noise
 
 
 def radius_relative_std(ball: Track) -> float:

@@ -369,7 +369,9 @@ def _contradictions(
             Contradiction(RATE_AND_SCALE, abs(value / true - 1.0), plain, statement)
         )
     struck = evaluated.impact is not None and evaluated.impact.contact is not None
-    if not struck and by_gravity is not None and by_gravity.outcome is CheckOutcome.UNDECIDED:
+    # with a given rate a fall too short to be weighed contradicts nothing
+    given = struck or evaluated.scene.rate.known
+    if not given and by_gravity is not None and by_gravity.outcome is CheckOutcome.UNDECIDED:
         unseen = (gravity.std or 0.0) > MAX_UNSEEN_FALL_STD * evaluated.scene.inputs.gravity
         statement = f"flight is not established for the tracked object: {by_gravity.statement}"
         contradictions.append(
@@ -387,11 +389,8 @@ def _not_met_as_followed(
 ) -> list[Contradiction]:
     """Contradictions if the paths of mass and ball are not those of a strike."""
     impact, contradictions = evaluated.impact, []
-    if impact is not None and impact.paths_contradict:
-        contradictions.append(Contradiction(FLIGHT, math.inf, True, impact.reason))
     if impact is not None and impact.view is not None and lasting.std is not None:
-        longest = impact.view.longest_s
-        longest = longest if math.isfinite(longest) else MAX_CONTACT_S
+        longest = min(impact.view.longest_s, MAX_CONTACT_S)
         if lasting.std > longest:
             statement = (
                 f"the contact is not resolved: its standard uncertainty is {1e3 * lasting.std:.0f} "

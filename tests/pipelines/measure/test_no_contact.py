@@ -99,9 +99,12 @@ def test_a_mass_that_would_part_before_it_meets_did_not_strike_or_not_this(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     found = told(monkeypatch, as_it_is, 0.02)
-    for name in (*TIMES, "cor_speeds", "pendulum_speed_after", "ball_speed", "launch_angle"):
+    for name in (*TIMES, "cor_speeds", "pendulum_speed_after"):
         assert found[name].value is None
         assert "before it meets" in str(found[name].reason)
+    # the flight does not depend on which object struck the ball
+    speed, (_, shot) = found["ball_speed"], planned()
+    assert speed.value == pytest.approx(float(shot.contact.outcome.ball_speed), abs=4 * speed.std)
 
 
 def test_of_what_may_be_the_ball_s_shadow_no_number_is_told(
@@ -125,7 +128,7 @@ def test_where_the_mass_is_hardly_seen_after_the_contact_the_flight_alone_is_tol
         swing, rest = tracks.pendulum, tracks.rest_frames
         assert swing is not None
         assert rest is not None
-        unsure = np.where(swing.track.frame > rest[1], 200.0, 1.0) * swing.angle_std_rad
+        unsure = np.where(swing.track.frame > rest[1], 3000.0, 1.0) * swing.angle_std_rad
         stray = np.random.default_rng(3).normal(0.0, 1.0, len(unsure))
         return replace(
             tracks,
