@@ -1,4 +1,4 @@
-"""What happens to a tracked object: motion models, segments and events, kind with a probability."""
+"""Motion of a tracked object: models, segments, events, probable kind."""
 
 from vision.motions.kinds import Interpretation, interpret
 from vision.motions.models import Observations

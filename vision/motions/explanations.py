@@ -1,4 +1,4 @@
-"""A track under every explanation: free fall, straight path, swing, circle, carried, at rest."""
+"""A track under every explanation: fall, straight path, swing, circle, hand, rest."""
 
 import math
 from dataclasses import dataclass, replace
@@ -266,7 +266,7 @@ def _bowed(along: FloatArray, across: FloatArray, rows: slice) -> FloatArray:
 def _whole_cost(
     seen: Observations, fitted: Swing | Circle | None, noise: float, worth: float, parameters: int
 ) -> float:
-    """Cost of one model for all rows, nats."""
+    """Cost of one model for all rows, as natural logarithm."""
     if fitted is None:
         return 1e6
     squares = (fitted.residual**2).sum(axis=1)

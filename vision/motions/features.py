@@ -1,4 +1,4 @@
-"""Ratios and log odds of the explanations of a track, or a pair, from which kinds are told."""
+"""Features of a track, or a pair, from which its kind of motion is estimated."""
 
 import math
 from collections.abc import Sequence
@@ -58,7 +58,7 @@ FEATURES = (
 
 
 def _log_odds(cost: float, least: float) -> float:
-    """Difference of two costs, compressed: 3 nats are 0.7, 300 are 4.6."""
+    """Difference of two costs, compressed: 3 gives 0.7, 300 gives 4.6."""
     return -math.log1p(max(cost - least, 0.0) / 3.0)
 
 

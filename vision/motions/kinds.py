@@ -1,8 +1,8 @@
-"""Which kind of motion a track, or a ball with its striker, shows, with a calibrated probability.
+"""Kind of motion of a track, or of a ball with its striker, with its probability.
 
 Every explanation of the whole track (free fall with bounces, straight path, swing, circle, carried)
-is fitted and has a cost in nats; what the costs and a few ratios of the fits are worth as a
-probability was fitted to tracks with truth by `training/fit_motion_kinds.py`.
+is fitted and has a cost, minus its log likelihood; what the costs and a few ratios of the fits mean
+as a probability was fitted to tracks with truth by `training/fit_motion_kinds.py`.
 """
 
 import json
@@ -60,7 +60,7 @@ class Interpretation:
     noise_correlation : float
         Between neighbouring rows.
     costs : mapping of str to float
-        Of each explanation, nats; the difference of two is their log odds before calibration.
+        Of each explanation; the difference of two is their log odds before calibration.
     """
 
     kind: MotionKind

@@ -1,8 +1,8 @@
-"""Motion models fitted to a stretch of a track: polynomials, swing, circle, smooth random process.
+"""Motion models of part of a track: polynomial, swing, circle, random path.
 
-Time is in frames, positions in px with y down. Every cost is minus a log likelihood, in nats, with
-the same constant left off (independent noise of the track's own size), so costs of one track can be
-subtracted from each other.
+Time is in frames, positions in px with y down. Every cost is minus a log
+likelihood with the same constant left off (independent noise of the track's own size), so costs of
+one track can be subtracted from each other.
 """
 
 import math
@@ -41,8 +41,8 @@ track is thinned evenly. Chosen; 200 to 800 give the same kinds, the time grows 
 
 
 MAX_ROW_COST = 12.0
-"""nats; what a row that belongs to something else costs. Derived: one row in 100 anywhere in an
-area of 1,000 noise areas."""
+"""Cost of a row that belongs to something else. Derived: one row in 100 anywhere in
+an area of 1,000 noise areas."""
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,7 @@ class Polynomials:
         return Runs(first, stop, centre, np.maximum(s0, 1e-12), second, third, fourth)
 
     def misfit(self, squares: FloatArray, first: IntArray, stop: IntArray) -> FloatArray:
-        """Cost of residual squares of both coordinates over runs, nats."""
+        """Cost of residual squares of both coordinates over runs, as natural logarithm."""
         length = np.hypot(*(self.place[stop - 1] - self.place[first]).T)
         most = 1.0 + (DISCREPANCY * length / self.noise) ** 2
         many = self._count[stop] - self._count[first]
@@ -224,7 +224,7 @@ class Runs:
             bent = second - 2.0 * self.centre * first + self.centre**2 * zeroth
             bent = bent - self.second / self.count * zeroth - self.third / spread * slope
             norm = self.fourth - self.second**2 / self.count - self.third**2 / spread
-            # as large as rounding: no bend can be told
+            # as large as rounding: no bend can be determined
             some = norm > 1e-10 * self.fourth + 1e-20
             left = left - np.where(some, bent**2 / np.where(some, norm, 1.0), 0.0)
         return np.asarray(np.maximum(left, 0.0))
@@ -608,7 +608,7 @@ _PROCESS = np.geomspace(1e-4, 1.0, 9)
 
 
 def random_process_cost(seen: Observations, noise: float) -> float:
-    """Cost of a smooth random process (integrated Wiener) with the best process noise, nats.
+    """Cost of a smooth random process (integrated Wiener) with the best process noise.
 
     What a hand carries, or anything that no law below explains. Each row is predicted from those
     before it; both coordinates share the gain.

@@ -1,4 +1,4 @@
-"""Best division of a track into segments of given motion models, by dynamic programming."""
+"""Best division of a track into segments of motion models (dynamic programming)."""
 
 import math
 from collections.abc import Sequence
@@ -29,12 +29,12 @@ MAX_KNOTS = 130
 Chosen: the time grows with its square, and boundaries are refined to the row afterwards."""
 
 _BREAK_COST = 4.0
-"""nats for each further segment, beside its parameters: about one break in 50 rows. Chosen;
+"""Cost of each further segment, in addition to its parameters: about one break in 50 rows. Chosen;
 insensitive between 2 and 8 (bench/motion_kinds.py)."""
 
 _OTHER_COST = 1.5
-"""nats a row for a free parabola where a hypothesis has no model. Chosen between 1 (the cost a row
-of a true model with unit noise: a free parabola would always win) and 3."""
+"""Cost of a row for a free parabola where a hypothesis has no model. Chosen between 1 (the cost
+a row of a true model with unit noise: a free parabola would always win) and 3."""
 
 
 class Model(StrEnum):
@@ -137,7 +137,7 @@ class Span:
 
 @dataclass(frozen=True)
 class Division:
-    """A track divided: its spans, and its cost in nats."""
+    """A track divided: its spans, and its cost in natural logarithms."""
 
     spans: tuple[Span, ...]
     cost: float
