@@ -31,7 +31,8 @@ from metrology import (
     UsageError,
     measurands,
     read_number,
-    write_text_whole,
+    refuse_unwritable,
+    written_whole,
 )
 from pipelines.calibrate.wizard.answers import Answers, BallKind, BallSeen, WallSource, track_ball
 from pipelines.checker.scene import SceneFacts, findings_of
@@ -544,7 +545,7 @@ class Written:
 def save(
     answers: Answers, outlook: Outlook, check: Callable[[str, Path], None] | None = None
 ) -> Written:
-    """Write both files, each atomically.
+    """Write both files, or none.
 
     Parameters
     ----------
@@ -561,14 +562,21 @@ def save(
     """
     if answers.grid is None or outlook.calibration is None:
         raise UsageError(
-            f"nothing is calibrated yet: {outlook.problem}", hint="Find the wall grid first."
+            f"nothing is calibrated yet: {outlook.problem}",
+            hint="Find the wall grid first."
+            if answers.grid is None
+            else "Correct that input; then save again.",
         )
     text = setup_text(answers, outlook)
     if check is not None:
         check(text, answers.out.parent)
     lens = lens_for(answers.out)
-    write_text_whole(lens, _lens_text(answers, outlook.calibration) + _view_text(answers.grid))
-    write_text_whole(answers.out, text)
+    lens_text = _lens_text(answers, outlook.calibration) + _view_text(answers.grid)
+    refuse_unwritable(answers.out)
+    # Both contents are on the disk before either file gets its name.
+    with written_whole(lens) as lens_file, written_whole(answers.out) as setup_file:
+        lens_file.write_text(lens_text, encoding="utf-8")
+        setup_file.write_text(text, encoding="utf-8")
     return Written(answers.out, lens)
 
 
