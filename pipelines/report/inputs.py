@@ -274,4 +274,10 @@ def quantity_text(quantity: Quantity) -> str:
         return f"{quantity.value:.0f} ± {quantity.std:.1f}"
     if quantity.std == 0.0:
         return format_value(quantity.value, None, quantity.unit)
+    if quantity.name in _IN_MILLISECONDS and quantity.std is not None:
+        return format_value(1e3 * quantity.value, 1e3 * quantity.std, "ms")
     return format_quantity(quantity)
+
+
+_IN_MILLISECONDS = frozenset({"contact_time", "contact_start", "contact_end"})
+"""Times that people read in ms; files hold seconds."""
