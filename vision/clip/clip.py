@@ -291,7 +291,9 @@ class VideoFile:
             stamps.append(picture.frame.pts)
             interlaced |= bool(picture.frame.interlaced_frame)
         if first is None:
-            raise ClipError(
+            with path.open("rb") as file:
+                named = _unsupported(path, file.read(12))
+            raise named or ClipError(
                 f"no picture of {path} can be decoded",
                 hint="The file is damaged. Copy it from the camera again.",
             )
@@ -456,11 +458,43 @@ def _contents(container: Any) -> str:
     return " and ".join(kinds) if kinds else "nothing"
 
 
+_PHOTRON = (
+    "a raw recording of Photron",
+    "Convert it with Photron FASTCAM Viewer: save as AVI, or as TIFF images in a folder.",
+)
+_UNSUPPORTED = {
+    ".mraw": _PHOTRON,
+    ".cih": _PHOTRON,
+    ".cihx": _PHOTRON,
+    ".webp": (
+        "an animated WebP",
+        "Convert it to images, for example: magick animated.webp frames/%04d.png, and pass the"
+        " folder with --fps.",
+    ),
+    ".r3d": ("a raw recording of RED", "Export it as ProRes or MP4 with REDCINE-X."),
+    ".braw": ("a raw recording of Blackmagic", "Export it as ProRes or MP4 with its player."),
+    ".dng": ("a raw photograph", "Convert all pictures to TIFF or PNG in a folder."),
+}
+"""Formats that can't be read, by suffix: what they are, and how to convert them."""
+
+
+def _unsupported(path: Path, head: bytes) -> ClipError | None:
+    named = _UNSUPPORTED.get(path.suffix.lower())
+    if head[:4] == b"RIFF" and head[8:12] == b"WEBP":
+        named = _UNSUPPORTED[".webp"]
+    if named is None:
+        return None
+    return ClipError(f"{path} is {named[0]}, which is not supported", hint=named[1])
+
+
 def _unreadable(path: Path, problem: FFmpegError) -> ClipError:
     head = b""
     if os.access(path, os.R_OK):
         with path.open("rb") as file:
             head = file.read(12)
+    named = _unsupported(path, head)
+    if named is not None:
+        return named
     if head[4:8] in (b"ftyp", b"mdat", b"wide", b"moov", b"free", b"skip"):
         return ClipError(
             f"{path} is cut off: its index (moov) is missing or broken",

@@ -286,6 +286,9 @@ def luma_image(frame: Any) -> GrayImage:
     shift = 16 - depth if name.startswith(("p0", "p2", "p4")) else 0
     levels = _stored(frame, np.dtype(order)) >> shift
     table = _full_table(depth) if _full_range(frame) else _limited_table(depth)
+    transfer = int(getattr(frame, "color_trc", 0) or 0)
+    if transfer in (_PQ, _HLG):
+        table = _display_levels(transfer)[table]
     scaled: GrayImage = table[np.minimum(levels, len(table) - 1)]
     return scaled
 
@@ -328,6 +331,34 @@ def _full_range(frame: Any) -> bool:
         return True
     declared = int(frame.color_range)
     return declared == _FULL_RANGE or (name.startswith("gray") and declared != 1)
+
+
+_PQ, _HLG = 16, 18
+"""FFmpeg's transfer characteristics of HDR pictures (convention: ITU-T H.273)."""
+
+_PEAK_NITS, _GAMMA = 1000.0, 2.4
+"""Luminance shown as white, cd/m² (convention: nominal peak of HLG, ITU-R BT.2100), and exponent of
+the levels of other pictures (convention: ITU-R BT.1886)."""
+
+
+@cache
+def _display_levels(transfer: int) -> GrayImage:
+    """Levels of 16 bit in the gamma of other pictures, by level of an HDR picture.
+
+    The curves of HDR would move the outline of a bright ball: its edge is where the light is half.
+    """
+    signal = np.arange(65536) / 65535.0
+    if transfer == _PQ:
+        # SMPTE ST 2084
+        powered = signal ** (32.0 / 2523.0)
+        ratio = np.maximum(powered - 0.8359375, 0.0) / (18.8515625 - 18.6875 * powered)
+        light = 1e4 / _PEAK_NITS * ratio ** (8192.0 / 1305.0)
+    else:
+        # ARIB STD-B67
+        upper = (np.exp((signal - 0.55991073) / 0.17883277) + 0.28466892) / 12.0
+        light = np.where(signal <= 0.5, signal**2 / 3.0, upper)
+    shown = np.clip(light, 0.0, 1.0) ** (1.0 / _GAMMA)
+    return np.round(65535.0 * shown).astype(np.uint16)
 
 
 @cache
