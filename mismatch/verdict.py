@@ -413,7 +413,7 @@ _PATTERN = "; the residuals still show a pattern"
 
 _WORDS: Mapping[str, str] = {
     EffectId.UNNAMED: "a force that is in no catalogue",
-    EffectId.MAGNUS: "lift by spin (Magnus)",
+    EffectId.MAGNUS: "Magnus lift",
     EffectId.TIME_BASE: "wrong frame rate",
     EffectId.LENGTH_SCALE: "wrong length scale",
     "velocity_dependent_cor": "restitution that depends on speed",
