@@ -151,8 +151,14 @@ def _left_by(one: Explained, division: Division) -> FloatArray:
     return left
 
 
-def _rest_before(division: Division, index: int) -> bool:
-    return index > 0 and division.spans[index - 1].model is Model.REST
+def _rest_before(one: Explained, division: Division, index: int) -> bool:
+    """Whether a motion follows a rest, or a contact that moves the body by less than its size."""
+    before = division.spans[:index]
+    if len(before) >= 2 and before[-1].model is Model.CARRIED:
+        push = one.seen.place[before[-1].first : before[-1].stop]
+        if np.hypot(*(push[-1] - push[0])) < 2.0 * one.seen.radius:
+            before = before[:-1]
+    return bool(before) and before[-1].model is Model.REST
 
 
 def _first_move(spans: Sequence[Span], model: Model) -> int | None:
@@ -184,7 +190,7 @@ def _falling(one: Explained) -> dict[str, float]:
     along, across = float(start @ down), float(start @ np.array([-down[1], down[0]]))
     path = abs(along) * frames + 0.5 * pull * frames**2
     speed = float(np.hypot(*start))
-    rest = _rest_before(one.fall, index)
+    rest = _rest_before(one, one.fall, index)
     # frames it would have fallen from rest to be as fast, beside those that it is seen to fall
     early = max(speed - 2.0 * spread, 0.0) / pull
     sure = _sigmoid(4.0 * math.log(max(sag, 1e-9) / (4.0 * one.noise))) * share
@@ -239,7 +245,7 @@ def _sliding(one: Explained) -> dict[str, float]:
         return {"straight_share": share}
     speed, gained = float(np.hypot(*start[0])), 2.0 * frames * float(np.hypot(*pull[0]))
     sense = 1.0 if float(start[0] @ pull[0]) >= 0.0 else -1.0
-    rest = _rest_before(one.slope, index)
+    rest = _rest_before(one, one.slope, index)
     noise = segment.spread(segment.first)[1]
     sudden = max(speed - 3.0 * noise, 0.0) / max(speed + 0.3 * gained, 1e-9)
     return {
@@ -293,7 +299,8 @@ def departure_of(one: Explained) -> float | None:
         moved = one.seen.place[span.stop : later[0] if later else len(one.seen)] - still
         if index == rests[-1] or np.hypot(*moved.T).max() > one.seen.radius:
             return float(one.seen.frame[span.stop - 1])
-    return None
+    # a slow drift of its outline may hide the rest from the division
+    return float(one.seen.frame[one.core.start - 1]) if one.core.start >= 3 else None
 
 
 @dataclass(frozen=True)

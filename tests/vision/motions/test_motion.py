@@ -82,6 +82,24 @@ def test_what_a_pendulum_meets_at_rest_is_struck() -> None:
     assert motion.frames[1] == 79
 
 
+def test_a_ball_whose_outline_drifts_at_rest_is_struck_all_the_same() -> None:
+    path = _after_rest(4.0 * TIME, -1.0 * TIME + 0.03 * TIME**2)
+    # the shadow of the mass draws the outline along as it comes
+    path[:20, 0] += 0.04 * np.arange(20.0)
+    motion = interpret_tracks(_track(path), _mass())
+    assert motion.kind is MotionKind.STRIKE
+
+
+def test_a_ball_pushed_for_some_frames_by_what_is_not_seen_is_struck() -> None:
+    time = np.concatenate([2.0 * (np.arange(4.0) / 4.0) ** 2, 2.0 + np.arange(60.0)])
+    path = np.column_stack([4.0 * time, -1.0 * time + 0.03 * time**2]) + 50.0
+    still = np.full((20, 2), 50.0)
+    motion = interpret_tracks(_track(np.concatenate([still, path])))
+    share = {motion.kind: motion.probability} | dict(motion.alternatives)
+    assert share[MotionKind.STRIKE] > 0.3
+    assert share[MotionKind.COLLISION] == 0.0
+
+
 def test_a_mass_that_hangs_is_no_second_ball() -> None:
     path = _after_rest(4.0 * TIME, -1.0 * TIME + 0.03 * TIME**2)
     hanging = interpret_tracks(_track(path), _mass())
