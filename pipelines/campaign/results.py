@@ -284,6 +284,13 @@ def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
             ) from problem
         return sheet.map(lambda cell: cell.isoformat() if hasattr(cell, "isoformat") else cell), ()
     text = _text(path)
+    for number, line in enumerate(text.splitlines(), start=1):
+        if line.count('"') % 2:
+            raise UsageError(
+                f"{path}, line {number}: the quotation mark is not closed in its line, and would"
+                " join the lines that follow into one cell",
+                hint='Remove the quotation mark ("), or write the cell in one line.',
+            )
     head = text.splitlines()[0] if text.strip() else ""
     separator = max((",", ";", "\t"), key=head.count)
     try:

@@ -126,3 +126,13 @@ def test_a_known_column_without_a_unit_is_refused(tmp_path: Path, head: str) -> 
     with pytest.raises(UsageError, match="states no unit") as refusal:
         read_lab_book(path)
     assert head.replace(" ", "_") + "_" in str(refusal.value.hint)
+
+
+@pytest.mark.parametrize(
+    "text", ['clip,note\na,x\n"b,y\nc,z\n"d,w\n', 'clip,note\na,x\nb,"two\nlines"\n']
+)
+def test_a_cell_over_several_lines_is_refused_with_its_line(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "trials.csv"
+    path.write_text(text)
+    with pytest.raises(UsageError, match="line 3: the quotation mark"):
+        read_lab_book(path)
