@@ -20,6 +20,7 @@ from pipelines.report import Check, CheckKind, CheckOutcome
 from pipelines.setup.file import Origin
 
 __all__ = [
+    "ARM_RELATIVE_STD",
     "CONTACT",
     "COR",
     "FLIGHT",

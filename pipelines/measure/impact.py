@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from metrology import MeasurementError, NoFitError, NotFoundError
 from physics import bodies
 from physics.contact import damping_for_cor
+from pipelines.measure.checks import ARM_RELATIVE_STD
 from pipelines.measure.flight_fit import (
     MAX_CONTACT_S,
     FlightFit,
@@ -54,6 +55,7 @@ __all__ = [
     "moved_impact",
     "next_strike_time",
     "other_strikes",
+    "pivot_in_plane",
     "touch_times",
 ]
 
@@ -1313,13 +1315,15 @@ def _view(
     if moved_from is not None:
         evidence = moved_from.face_evidence
     near, swinging = frames.ball_near, frames.swing_near
+    before = swing(frames.swing_before, frames.onset, moved_from.before if moved_from else None)
+    pivot = pivot_in_plane(tracks, inputs)
     view = ImpactView(
-        before=swing(frames.swing_before, frames.onset, moved_from.before if moved_from else None),
+        before=before,
         after=swing(frames.swing_after, frames.release, moved_from.after if moved_from else None),
         flight=flight,
         rest=tracks.rest_m,
         rest_std=tracks.rest_std_m,
-        pivot=pivot_in_plane(tracks, inputs),
+        pivot=_at_given_length(pivot, tracks, inputs, before.state(frames.onset)[0]),
         radius=radius,
         time_s=tracks.ball_time_s[near],
         position_m=tracks.ball_m[near],
@@ -1333,6 +1337,26 @@ def _view(
         bob_arm=tracks.bob_arm_m,
     )
     return _with_face(view, tracks, inputs, frames.onset, evidence)
+
+
+def _at_given_length(
+    pivot: FloatArray, tracks: MetricTracks, inputs: Inputs, phi: float
+) -> FloatArray:
+    """The pivot moved along the bar to the weighted mean of observed and given length.
+
+    A short arc determines the length of its radius poorly. A length that contradicts the observed
+    one is left to the check, and so is one of the presets, which may be of another apparatus.
+    """
+    length = inputs.rig.length
+    seen = float(arm_along_bar(tracks.rest_m - pivot, phi))
+    if length.value_from is Origin.PRESET or seen <= 0.0:
+        return pivot
+    apart, given_std = math.log(inputs.pendulum.length / seen), max(length.relative_std, 1e-4)
+    if abs(apart) > _MAX_ESTIMATE_DIFFERENCE * math.hypot(ARM_RELATIVE_STD, given_std):
+        return pivot
+    weight = ARM_RELATIVE_STD**2 / (ARM_RELATIVE_STD**2 + given_std**2)
+    further = seen * math.expm1(weight * apart)
+    return np.asarray(pivot - further * np.array([math.sin(phi), -math.cos(phi)]))
 
 
 def _with_face(

@@ -74,7 +74,10 @@ class Inputs:
 
     def fitted_alike(self, other: "Inputs") -> bool:
         """Whether the fits have the same inputs; other inputs only affect derived values."""
-        body = replace(self.pendulum, length=other.pendulum.length)
+        body = self.pendulum
+        if self.rig.length.value_from is Origin.PRESET:
+            # a given length places the pivot
+            body = replace(body, length=other.pendulum.length)
         same = replace(self, pendulum=body, arm_factor=other.arm_factor)
         same = replace(same, after_factor=other.after_factor, normal_sigmas=other.normal_sigmas)
         return same == other

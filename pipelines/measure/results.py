@@ -42,6 +42,7 @@ from pipelines.measure.impact import (
     Impact,
     arm_along_bar,
     disc_contact,
+    pivot_in_plane,
 )
 from pipelines.measure.inputs import QUANTITY_UNITS, Inputs, QuantityName, kinds_of
 from pipelines.measure.metres import MetricTracks, radius_relative_std
@@ -317,7 +318,8 @@ def _arm(evaluated: Evaluated) -> CheckResult | None:
         return None
     view = impact.view
     angle = float(view.before.angles(np.array([impact.contact.onset_s]))[0])
-    seen = float(arm_along_bar(view.rest - view.pivot, angle))
+    pivot = pivot_in_plane(impact.tracks, evaluated.scene.inputs)
+    seen = float(arm_along_bar(view.rest - pivot, angle))
     return pendulum_length(seen, evaluated.scene.inputs) if seen > 0.0 else None
 
 

@@ -108,7 +108,7 @@ def test_a_rolled_camera_is_turned_upright_about_the_ball_at_rest() -> None:
 
 
 def test_the_pendulums_length_and_effective_mass_are_inputs() -> None:
-    """Energy goes with I/L², the ball speed of Eq. 7 with the effective mass."""
+    """Energy is that of the rotation, whatever the length; Eq. 7 goes with the effective mass."""
     given = {"pendulum.length": "0.5541 m ± 1 %", "pendulum.effective_mass": "5.1667 kg ± 2 %"}
     inputs = gather_inputs(Setup().having(given), "jokku", None)
     tracks = ideal_tracks(*known_stroke("jokku", 60.0), Noise())
@@ -120,7 +120,7 @@ def test_the_pendulums_length_and_effective_mass_are_inputs() -> None:
     value = dict(zip(DERIVED, values_after_move(impact, tracks, inputs), strict=True))
     column = {name: index for index, name in enumerate(DERIVED)}
     by_length = table[UncertaintySource.PENDULUM_LENGTH][column["energy_loss"]]
-    assert by_length == pytest.approx(0.02 * value["energy_loss"], rel=0.05)
+    assert by_length < 0.2 * 0.02 * value["energy_loss"]
     by_mass = table[UncertaintySource.EFFECTIVE_MASS][column["ball_speed_eq7"]]
     assert by_mass == pytest.approx(0.02 * value["ball_speed_eq7"], rel=1e-3)
 
@@ -263,7 +263,7 @@ def test_only_what_no_fit_takes_leaves_the_fits_alone(
     assert np.array_equal(here, there, equal_nan=True) is alike
 
 
-def test_of_the_body_its_length_alone_enters_no_fit() -> None:
+def test_of_the_presets_body_the_length_alone_enters_no_fit() -> None:
     inputs = gather_inputs(Setup(), "jokku", None)
     longer = replace(inputs.pendulum, length=1.01 * inputs.pendulum.length)
     heavier = replace(inputs.pendulum, inertia=1.01 * inputs.pendulum.inertia)

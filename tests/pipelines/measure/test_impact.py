@@ -588,3 +588,19 @@ def test_a_backswing_is_told_only_of_what_swings_below_its_pivot() -> None:
         assert release_angle(turned, 1e-3, known).value is None
     late = replace(tracks, swing_rad=tracks.swing_rad + math.radians(20.0))
     assert release_angle(late, 1e-3, stiffness).value is None
+
+
+def test_a_given_length_corrects_the_pivot_of_a_short_arc() -> None:
+    scene, shot = known_stroke("jokku", 60.0)
+    ideal = ideal_tracks(scene, shot, Noise())
+    assert ideal.pivot_m is not None
+    # the arc seems 5 % too long, as a short one may
+    higher = replace(ideal, pivot_m=ideal.pivot_m + np.array([0.0, 0.03]))
+    true = truth(shot)["pendulum_speed_before"]
+    speeds = []
+    for given in (Setup(), Setup().having({"pendulum.length": "0.5541 m ± 0.2 %"})):
+        inputs = gather_inputs(given, "jokku", None)
+        values = derived_values(find_impact(higher, inputs), inputs)
+        speeds.append(float(values[list(DERIVED).index("pendulum_speed_before")]))
+    assert speeds[0] > 1.03 * true
+    assert speeds[1] == pytest.approx(true, rel=0.01)
