@@ -342,9 +342,13 @@ def test_lines_stored_from_the_bottom_are_read_upright():
     phantom = ClipReader.open(folder / "r17_phantom_7_frames.cine")
     frames = list(phantom.frames())
     coloured = [image for _, image in phantom.colour_frames()]
-    whole = ClipReader.open(folder / "base_strike.mkv").frames(0, len(frames))
-    for frame, image, same in zip(frames, coloured, whole, strict=True):
-        size = frame.gray.shape[::-1]
-        small = cv2.resize(same.gray, size, interpolation=cv2.INTER_AREA).astype(float)
-        assert np.corrcoef(small.ravel(), frame.gray.ravel())[0, 1] > 0.99
-        assert np.corrcoef(small.ravel(), image.mean(axis=2).ravel())[0, 1] > 0.99
+    # other pictures of the same strike: the scene stands still
+    same = next(ClipReader.open(folder / "base_strike.mkv").frames()).gray
+    small = cv2.resize(same, frames[0].gray.shape[::-1], interpolation=cv2.INTER_AREA)
+    for frame, image in zip(frames, coloured, strict=True):
+        for read in (frame.gray, image.mean(axis=2)):
+            upright, turned = (
+                np.corrcoef(small.ravel(), one.ravel())[0, 1] for one in (read, read[::-1])
+            )
+            assert upright > 0.8
+            assert turned < 0.2
