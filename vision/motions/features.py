@@ -211,14 +211,7 @@ def _falling(one: Explained) -> dict[str, float]:
         "fall_sideways": sure * min(abs(across) * frames / max(path, 1e-9), 2.0),
         "fall_upwards": sure * min(max(-along - 2.0 * spread, 0.0) / (pull * frames), 1.0),
         "fall_bounces": sure * min(bounces, 3),
-        # free fall that has to begin anew without a bounce is an arc or a hand's path
-        "fall_breaks": sure * min(_falls_in_a_row(spans) - bounces, 5),
     }
-
-
-def _falls_in_a_row(spans: Sequence[Span]) -> int:
-    """How often one fall follows another one."""
-    return sum(one.model is other.model is Model.FALL for one, other in pairwise(spans))
 
 
 def _turns_up(one: Explained, before: Span, after: Span, down: FloatArray) -> bool:

@@ -70,6 +70,26 @@ def test_swings_of_any_size_are_recognised_with_their_period(amplitude, periods,
     assert swing.period_std < 0.02 * period
 
 
+def test_swings_drawn_at_random_are_recognised_with_their_periods():
+    known, off = 0, []
+    for seed in range(40):
+        rng = np.random.default_rng([77, seed])
+        amplitude, periods, noise = (
+            math.exp(rng.uniform(math.log(low), math.log(high)))
+            for low, high in ((5, 120), (2.2, 40), (0.2, 2))
+        )
+        count = int(np.clip(periods * rng.uniform(10, 60), 60, 800))
+        path, period = pendulum(amplitude, periods, count, decay=rng.uniform(0, 1.5))
+        found = interpret(seen(path, noise, rng))
+        if found.kind is MotionKind.SWING:
+            known += 1
+            swing = next(each for each in found.segments if each.model is Model.SWING)
+            off.append(abs(swing.period - period) / swing.period_std)
+    # 98 of 100 are wanted: of 40 one may be missed
+    assert known >= 39
+    assert np.mean(np.array(off) < 2.0) >= 0.9
+
+
 def test_a_swing_s_decay_and_amplitude_are_those_of_the_equation():
     rng = np.random.default_rng(5)
     path, _ = pendulum(50, 10, 500, decay=1.2)
