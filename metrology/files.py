@@ -7,6 +7,7 @@ written to and never replaced (POSIX `rename` would put a file in its place).
 import codecs
 import errno
 import os
+import re
 import secrets
 import stat
 import tempfile
@@ -20,6 +21,7 @@ from metrology.errors import OutputError, SetupError, UsageError
 
 __all__ = [
     "parse_toml",
+    "printable",
     "read_small_text",
     "refuse_unwritable",
     "shown_path",
@@ -250,9 +252,18 @@ def _mode_of(target: Path) -> int:
         return 0o666 & ~mask
 
 
+_UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
+"""Characters that terminals, spreadsheets, XML or UTF-8 can't hold; tab and line feed are none."""
+
+
+def printable(text: str) -> str:
+    """Text with each control character or lone surrogate replaced by ``�``."""
+    return _UNPRINTABLE.sub("\ufffd", text)
+
+
 def shown_path(path: str | Path) -> str:
     """A path for a message, shortened if long."""
-    return _shortened(str(path))
+    return _shortened(printable(str(path)))
 
 
 def _shortened(text: str) -> str:

@@ -23,7 +23,8 @@ class _Screen(Console):
     """A console that shows control characters of names and files as escapes."""
 
     def render_str(self, text: str, **how: Any) -> Text:
-        return super().render_str(text.translate(_SHOWN), **how)
+        shown = text.translate(_SHOWN).encode("utf-8", "backslashreplace").decode()
+        return super().render_str(shown, **how)
 
 
 def screen(*, errors: bool = False) -> Console:

@@ -13,11 +13,12 @@ import numpy as np
 import pandas as pd
 
 from metrology import ImpactVisionError, MeasurementError, UsageError, write_text_whole
+from metrology.files import printable
 from physics.cor_fit import AveragedLaw, Estimate, LawKind, lack_of_fit
 from pipelines.api.explained import explain as find_missing_physics
 from pipelines.api.quantities import measure_options, setup_from
 from pipelines.campaign.analysis import BallAnalysis, CampaignAnalysis, analyse
-from pipelines.campaign.files import clip_key, printable, refuse_occupied, staged, sweep
+from pipelines.campaign.files import clip_key, refuse_occupied, staged, sweep
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State, lock_folder
 from pipelines.campaign.report import ReportFacts, draw_figures, write_figures, write_report
 from pipelines.campaign.results import (

@@ -12,7 +12,7 @@ from pathlib import Path
 from metrology import UsageError
 from metrology.files import shown_path
 
-__all__ = ["FOLDERS", "PUBLISHED", "clip_key", "printable", "refuse_occupied", "staged", "sweep"]
+__all__ = ["FOLDERS", "PUBLISHED", "clip_key", "refuse_occupied", "staged", "sweep"]
 
 PUBLISHED = (
     "results.csv",
@@ -33,14 +33,6 @@ _STAGE = ".publishing-"
 
 _LEFTOVER = re.compile(r"\..*-[0-9a-f]{12}(\.\w+)?", re.DOTALL)
 """Temporary names of `metrology.files.written_whole`."""
-
-_UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
-"""Characters that spreadsheets, XML or UTF-8 can't hold; tab and line feed are none of them."""
-
-
-def printable(text: str) -> str:
-    """Text with each control character or lone surrogate replaced by ``�``."""
-    return _UNPRINTABLE.sub("\ufffd", text)
 
 
 def clip_key(clip: Path) -> str:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from metrology import UsageError
-from pipelines.campaign.files import printable
+from metrology.files import printable
 
 __all__ = ["AttemptOutcome", "Entry", "Ledger", "State", "WorkOrder", "lock_folder"]
 

@@ -17,8 +17,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from metrology import UsageError, write_text_whole
-from metrology.files import written_whole
-from pipelines.campaign.files import clip_key, printable
+from metrology.files import printable, written_whole
+from pipelines.campaign.files import clip_key
 from pipelines.campaign.ledger import Entry, State
 from pipelines.measure.files import column_name, without_formulas
 from pipelines.measure.inputs import QUANTITY_UNITS

@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from metrology import UsageError
-from pipelines.campaign.files import clip_key, printable
+from metrology.files import printable
+from pipelines.campaign.files import clip_key
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State, WorkOrder
 from pipelines.campaign.results import LabBookRow, Matched
 from pipelines.campaign.worker import ClipWorkerDied, Request, WorkerProcess

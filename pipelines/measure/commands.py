@@ -29,6 +29,7 @@ from metrology import (
     UsageError,
     write_text_whole,
 )
+from metrology.files import printable
 from metrology.quantity import format_quantity
 from pipelines.api.quantities import measure_options
 from pipelines.doors import (
@@ -255,12 +256,14 @@ class Folder:
 
     def holds(self, clip: Path, digest: str) -> bool:
         """Whether the clip was measured from the same file with the same options."""
-        return self._made.get(str(clip)) == digest and str(clip) in self._rows
+        key = printable(str(clip))
+        return self._made.get(key) == digest and key in self._rows
 
     def add(self, clip: Path, row: Mapping[str, object], digest: str) -> None:
         """Add a row, replacing an earlier one of the clip; the table is written completely."""
-        self._rows[str(clip)] = {name: _cell(cell) for name, cell in without_formulas(row).items()}
-        self._made[str(clip)] = digest
+        key = printable(str(clip))
+        self._rows[key] = {name: _cell(cell) for name, cell in without_formulas(row).items()}
+        self._made[key] = digest
         columns = dict.fromkeys(name for one in self._rows.values() for name in one)
         text = io.StringIO()
         writer = csv.DictWriter(text, [*columns], restval="", lineterminator="\n")

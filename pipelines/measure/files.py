@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from metrology import Quantity, UsageError, write_text_whole
+from metrology.files import printable
 from metrology.quantity import format_quantity
 from pipelines.measure.impact import Impact, arm_along_bar, gap_after, gap_before
 from pipelines.measure.inputs import QuantityName, kinds_of
@@ -139,7 +140,9 @@ def _other(name: str | None, item: FollowedObject) -> dict[str, Any]:
 def measurement_as_json(measured: ClipMeasurement, names: Sequence[str] | None = None) -> str:
     """JSON text of one clip (contract); `names` selects quantities."""
     document = measurement_as_dict(measured, names)
-    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+    # a name that is no UTF-8 becomes a JSON escape
+    return text.encode("utf-8", "backslashreplace").decode()
 
 
 def _motion(motion: Motion) -> dict[str, Any]:
@@ -220,9 +223,10 @@ def without_formulas(row: Mapping[str, object]) -> dict[str, object]:
 
     A clip may be named ``=cmd|…``: an apostrophe in front makes it text.
     """
+    shown = {name: printable(cell) if isinstance(cell, str) else cell for name, cell in row.items()}
     return {
         name: f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA_STARTS) else cell
-        for name, cell in row.items()
+        for name, cell in shown.items()
     }
 
 
@@ -395,12 +399,12 @@ def report_input(measured: ClipMeasurement, clip: ClipReader | None) -> ReportIn
     """Content of the one-page report; `clip` adds a still picture."""
     impact, info = measured.impact, measured.info
     facts = (
-        ("clip", str(info.path)),
+        ("clip", printable(str(info.path))),
         ("picture", f"{info.width} × {info.height} px, {info.frames} frames, {info.codec}"),
         ("capture rate", f"{measured.rate.fps:g} fps ({measured.rate.source})"),
     )
     base = ReportInput(
-        title=f"Measurement of {Path(info.path).name}",
+        title=f"Measurement of {printable(Path(info.path).name)}",
         facts=facts,
         quantities=(*measured.quantities, *measured.other_speeds, measured.gravity),
         checks=measured.checks,

@@ -1,12 +1,14 @@
 """Words on the terminal stay as they are."""
 
+import os
 from pathlib import Path
 
 import pytest
 from rich.table import Table
 
 import pipelines
-from metrology import Contribution, Quantity
+from metrology import Contribution, Quantity, write_text_whole
+from pipelines.measure.files import without_formulas
 from pipelines.model import send_out
 from pipelines.terminal import screen
 
@@ -62,3 +64,14 @@ def test_nobody_prints_past_it() -> None:
     folder = Path(pipelines.__file__).parent
     makers = [path.name for path in folder.rglob("*.py") if " Console(" in path.read_text("utf-8")]
     assert [name for name in makers if name not in ("terminal.py", "cli.py")] == []
+
+
+def test_names_that_are_no_text_are_shown_and_written(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    name = os.fsdecode(b"a\xff\x1b=.mp4")
+    screen().print(name)
+    assert capsys.readouterr().out.strip() == r"a\udcff\x1b=.mp4"
+    row = without_formulas({"clip": name, "note": "=1+1", "value": 1.5})
+    assert row == {"clip": "a\ufffd\ufffd=.mp4", "note": "'=1+1", "value": 1.5}
+    write_text_whole(tmp_path / "a.csv", str(row["clip"]))
