@@ -42,7 +42,7 @@ def dump(value: object) -> bytes:
     TypeError
         If it holds anything else, or exceeds `MAX_STORED_BYTES`.
     """
-    writer = _Writer()
+    writer = _TreeWriter()
     tree = json.dumps(writer.tree(value), separators=(",", ":")).encode()
     if len(tree) + sum(array.nbytes for array in writer.arrays) > MAX_STORED_BYTES:
         raise TypeError("the result is too large to be stored")
@@ -71,10 +71,10 @@ def load(content: bytes) -> Any:
             np.lib.format.read_array(io.BytesIO(members.read(f"{number}.npy")), allow_pickle=False)
             for number in range(len(described) - 1)
         ]
-        return _Reader(arrays).value(json.loads(members.read(_TREE)))
+        return _TreeReader(arrays).value(json.loads(members.read(_TREE)))
 
 
-class _Writer:
+class _TreeWriter:
     """Turn values into a tree of JSON and a list of arrays; repeated ones are stored once."""
 
     def __init__(self) -> None:
@@ -126,7 +126,7 @@ class _Writer:
         return ["object", _class_name(type(value)), fields]
 
 
-class _Reader:
+class _TreeReader:
     """Build values from a tree and arrays."""
 
     def __init__(self, arrays: list[NDArray[Any]]) -> None:
