@@ -39,11 +39,13 @@ def test_a_table_comes_out_right(name: str, columns: str, note: str) -> None:
     found = measure_from_tracks(
         folder / name, measure_options(ball="jokku"), columns=parse_columns(columns)
     )
-    assert found.motion.kind.value == "strike"
+    alone = len(read_tracks(folder / name).tracks) == 1
+    # a ball alone does not show what set it in motion
+    assert found.motion.kind.value in ({"strike", "flight"} if alone else {"strike"})
     assert found.rate.fps == pytest.approx(600.0, rel=1e-4)
     assert note in " ".join(found.warnings)
     known = [one for one in map(found.quantity, COMPARED) if one.known]
-    assert len(known) == (2 if len(read_tracks(folder / name).tracks) == 1 else len(COMPARED))
+    assert len(known) == (2 if alone else len(COMPARED))
     for one in known:
         assert abs(one.value - truth[one.name]["value"]) < 2.0 * one.std, one.name
 
