@@ -15,7 +15,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from metrology.errors import NoFitError
 
-__all__ = ["Downhill", "Fitted", "Optimum", "Residuals", "descend", "fit", "minimise", "moved_fit"]
+__all__ = [
+    "Downhill",
+    "Fitted",
+    "Optimum",
+    "Residuals",
+    "bounded_robust",
+    "descend",
+    "fit",
+    "minimise",
+    "moved_fit",
+]
 
 FloatArray = NDArray[np.float64]
 State = TypeVar("State")
@@ -279,6 +289,50 @@ class Downhill(Generic[Step]):
     cost: float
     step: Step
     gain: float = np.nan
+
+
+def bounded_robust(
+    residuals: Callable[[FloatArray], FloatArray],
+    start: FloatArray,
+    bounds: tuple[FloatArray, FloatArray],
+    scale: float,
+    typical_step: FloatArray,
+    most: int,
+) -> tuple[float, FloatArray]:
+    """Minimise residuals with a Cauchy loss within bounds, for starts far from the minimum.
+
+    Parameters
+    ----------
+    residuals : callable
+        Gives the residuals (n,) at values (k,).
+    start : (k,) array
+        Where to begin.
+    bounds : (2,) tuple of (k,) arrays
+        Lowest and highest values.
+    scale : float
+        Size of a residual beyond which it counts less.
+    typical_step : (k,) array
+        Change of each value that matters.
+    most : int
+        Evaluations at most.
+
+    Returns
+    -------
+    cost : float
+    values : (k,) array
+    """
+    from scipy.optimize import least_squares
+
+    fitted = least_squares(
+        residuals,
+        start,
+        bounds=bounds,
+        loss="cauchy",
+        f_scale=scale,
+        max_nfev=most,
+        x_scale=typical_step,
+    )
+    return float(fitted.cost), np.asarray(fitted.x, dtype=np.float64)
 
 
 def descend(

@@ -1,6 +1,5 @@
 import csv
 import re
-from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -25,12 +24,8 @@ from tests.vision.ball.painted import (
     with_ball,
     with_box,
 )
-from vision.ball.ball import follow_ball
-from vision.ball.choice import choose_ball
 from vision.clip.clip import ClipReader
-from vision.clip.footage import Footage
-from vision.following import Looks, _light, _Seen, _what_casts, follow
-from vision.scene import FilmedScene
+from vision.following import follow
 from vision.tracks import MotionKind, Track, Tracks
 
 
@@ -305,34 +300,6 @@ def test_a_ball_seen_in_two_parts_in_gray_is_followed_by_its_colour() -> None:
     assert _rms(tracks.ball, _truth(name)) < 3.0
     assert tracks.motion is not None
     assert tracks.motion.kind is MotionKind.FLIGHT
-
-
-@pytest.mark.parametrize("uneven", [0.0, 0.5])
-def test_of_a_shadow_that_was_taken_for_the_ball_what_casts_it_is_found(uneven: float) -> None:
-    scene, radius, rest = wall(140, 260), 12.0, np.array([91.0, 64.0])
-    below, pictures, centres = np.array([16.0, 34.0]), [], []
-    for index in range(80):
-        flown = max(index - 35.0, 0.0) / 2.0
-        way = np.array([2.3 * flown, -0.5 * flown + 0.015 * flown**2])
-        x, y = (rest + below + 1.25 * way).tolist()
-        core = cover(140, 260, (x, y), 0.4 * radius)
-        dark = 0.4 * (1.0 - uneven * (1.0 - core))
-        light = scene * (1.0 - dark * cover(140, 260, (x, y), 1.1 * radius))
-        x, y = (rest + way).tolist()
-        pictures.append(exposed(with_ball(light, (x, y), radius, 0.5), 1.0, index))
-        centres.append(rest + way)
-    filmed = FilmedScene(Footage(PaintedClip(pictures)))  # type: ignore[arg-type]
-    x, y = (rest + below).tolist()
-    choice = choose_ball(Looks(filmed).paths(), (x, y, None))
-    assert choice is not None
-    shade = _Seen(filmed, None, choice, follow_ball(filmed, choice.ball))
-    shade = replace(shade, light=_light(filmed, shade))
-    assert shade.only_dims is (uneven == 0.0)
-    found = _what_casts(shade)
-    assert found is not None
-    off = found.rough.centre - np.array(centres)[found.rough.frame]
-    assert np.median(np.hypot(*off.T)) < 0.5
-    assert _what_casts(replace(found, choice=choice.instead(found.choice.ball))) is None
 
 
 def test_a_mass_that_hangs_for_long_where_most_frames_show_it_is_followed() -> None:

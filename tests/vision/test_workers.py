@@ -8,9 +8,11 @@ import pytest
 
 from metrology.compiled import map_in_threads
 from vision.ball.ball import BallFits, follow_ball
+from vision.ball.path import BallPath
 from vision.clip.clip import ClipReader
 from vision.clip.footage import Footage
-from vision.following import Looks
+from vision.finding.detection import detect, searched_frames
+from vision.finding.linking import link
 from vision.scene import FilmedScene
 
 CLIP = Path(__file__).parents[2] / "sample_videos" / "clips" / "basketball_60.mp4"
@@ -58,11 +60,11 @@ def test_a_ball_is_found_and_fitted_alike_on_one_core_and_on_several(
 
     def seen(cores: int) -> tuple[list[float], BallFits]:
         monkeypatch.setattr(os, "cpu_count", lambda: cores)
-        looks = Looks(FilmedScene(footage))
-        looks.again(looks.scene.spread(24))
-        paths = looks.joined()
-        circles = [value for path in paths for value in path.centre_px.ravel().tolist()]
-        return circles, follow_ball(looks.scene, max(paths, key=lambda path: len(path.frame)))
+        scene = FilmedScene(footage)
+        found = detect(scene)
+        first = link(found, searched_frames(scene), scene.shape)[0].seen
+        path = BallPath(first.frame, first.centre_px, first.radius_px)
+        return found.centre_px.ravel().tolist(), follow_ball(scene, path)
 
     (found, fits), (found_alone, alone) = seen(4), seen(1)
     assert len(fits) > 50

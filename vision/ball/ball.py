@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology.compiled import compiled
-from vision.ball.choice import BallPath
 from vision.ball.courses import lawful_stretch
 from vision.ball.edges import Cutouts, CutPlaces, EdgeProfile, cut_out, ring_widths
 from vision.ball.outline import (
@@ -27,6 +26,7 @@ from vision.ball.outline import (
     nothing_found,
     voted_outlines,
 )
+from vision.ball.path import BallPath
 from vision.ball.streaks import Sweep, swept_outlines
 from vision.scene import FilmedScene
 

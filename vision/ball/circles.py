@@ -9,7 +9,7 @@ Circles beside one another: the same one, a panel of a larger one, the softness 
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from metrology.compiled import compiled
 from vision.ball.edges import EdgePoints, edge_points, places
 
-__all__ = ["Circles", "find_circles"]
+__all__ = ["Circles", "find_circles", "fit_to_edges", "same"]
 
 FloatImage = NDArray[np.float32]
 
@@ -44,77 +44,11 @@ def same(circle: Circle, other: Circle) -> bool:
     return bool(gap < 0.5 * max(circle[2], other[2]) and 0.6 < circle[2] / other[2] < 1.6)
 
 
-def shown(circle: Circle, others: Sequence[Circle], normalised: FloatImage) -> bool:
-    """Whether the circle of what changed is no more than the softness about one of the others."""
-    about = [other for other in others if _is_about(circle, other)]
-    # pixels are asked last: that takes far longer than comparing the circles
-    return any(not _larger(circle, other) for other in about) or any(
-        _much_fainter(circle, other, normalised) for other in about
-    )
-
-
-def _is_about(circle: Circle, other: Circle) -> bool:
-    """Whether a circle lies about another one that is as complete."""
-    if other[2] > circle[2] or other[3] <= circle[3] - _AS_COMPLETE:
-        return False
-    return math.hypot(circle[0] - other[0], circle[1] - other[1]) <= 0.6 * circle[2]
-
-
-def halo_of(blob: Circle, circle: Circle, normalised: FloatImage) -> bool:
-    """Whether a blob is a complete outline with the dimmed light or the soft shadow around it."""
-    gap = math.hypot(blob[0] - circle[0], blob[1] - circle[1])
-    inside = gap + circle[2] < 1.1 * blob[2] and _larger(blob, circle)
-    complete = circle[3] > 1.0 - _AS_COMPLETE
-    return inside and complete and _much_fainter(blob, circle, normalised)
-
-
-def _much_fainter(circle: Circle, other: Circle, normalised: FloatImage) -> bool:
-    """Whether what a circle holds beyond a smaller one is next to nothing beside that."""
-    x, y, radius = circle[:3]
-    top, left = max(0, int(y - radius)), max(0, int(x - radius))
-    window = np.abs(normalised[top : int(y + radius) + 2, left : int(x + radius) + 2])
-    rows = np.arange(top, top + window.shape[0])[:, np.newaxis]
-    columns = np.arange(left, left + window.shape[1])
-    away = (columns - x) ** 2 + (rows - y) ** 2
-    from_other = (columns - other[0]) ** 2 + (rows - other[1]) ** 2
-    beside = window[(away < max(radius - 0.5, 0.0) ** 2) & (from_other > (other[2] + 0.5) ** 2)]
-    within = window[from_other < other[2] ** 2]
-    if len(beside) < 5 or len(within) < 5:
-        return True
-    return middle(beside) < _FAINT_SHARE * middle(within)
-
-
-def part_of(circle: Circle, whole: Circle) -> bool:
-    """Whether a circle is a part of something that changed all over."""
-    gap = math.hypot(circle[0] - whole[0], circle[1] - whole[1])
-    inside = gap + circle[2] < 1.1 * whole[2]
-    return inside and whole[3] > 1.0 - _AS_COMPLETE and _larger(whole, circle)
-
-
-def _larger(circle: Circle, other: Circle) -> bool:
-    return circle[2] - other[2] > 0.12 * circle[2] + 1.0
-
-
 def panel_of(circle: Circle, other: Circle) -> bool:
     """Whether `circle` is only a panel or a highlight on the ball `other`."""
     gap = math.hypot(circle[0] - other[0], circle[1] - other[1])
     inside = gap + circle[2] < 1.1 * other[2] and circle[2] < 0.75 * other[2]
     return bool(inside and other[4] > 0.3 * circle[4])
-
-
-@dataclass(frozen=True)
-class _Smeared:
-    """A streak: the circle in the middle of its way, and how long that is, px."""
-
-    circle: Circle
-    length: float
-
-
-def _in_streak(circle: Circle, streak: _Smeared) -> bool:
-    """Whether a circle is an end of a streak, or drawn about all of it."""
-    x, y, radius = streak.circle[:3]
-    reach = 0.5 * streak.length + radius
-    return math.hypot(circle[0] - x, circle[1] - y) < reach and circle[2] < 1.2 * reach
 
 
 def middle(values: NDArray[np.floating]) -> float:
@@ -232,7 +166,7 @@ def find_circles(
     expected: FloatImage,
     noise: FloatImage,
     *,
-    radii: tuple[float, float] | None = None,
+    radii: tuple[float, float],
     most: int = 8,
     least_coverage: float = 0.55,
 ) -> Circles:
@@ -246,9 +180,8 @@ def find_circles(
         The static scene in its brightness.
     noise : (H, W) float32 array
         Standard deviation of a pixel of their difference, gray levels.
-    radii : tuple of float, optional
-        Smallest and largest radius wanted, px; by default 2.5 px to a quarter of the picture
-        height.
+    radii : tuple of float
+        Smallest and largest radius wanted, px.
     most : int
         How many candidates to return at most.
     least_coverage : float
@@ -258,34 +191,13 @@ def find_circles(
     -------
     Circles
     """
-    low, high = radii if radii is not None else (2.5, 0.25 * min(picture.shape))
+    low, high = radii
     normalised = (picture - expected) / noise
-    changed = np.minimum(np.abs(normalised), np.float32(_CHANGED))
     found: list[Circle] = []
-    whole: list[Circle] = []
     for scale, wanted in _scales(low, high, min(picture.shape)):
-        level = _shrunk(normalised, scale)
-        circles, edges = _searched(level, scale, wanted, most)
+        circles = _searched(_shrunk(normalised, scale), scale, wanted, most)
         found += [_enlarged(circle, scale) for circle in circles if circle[3] >= least_coverage]
-        if scale > 1 and radii is None:
-            circles, _ = _searched(_shrunk(changed, scale), scale, wanted, most)
-            sharp = [_resharpened(circle, edges) for circle in circles]
-            whole += [_enlarged(circle, scale) for circle in sharp if circle[3] >= least_coverage]
-    # The change grows a little beyond a soft outline: where both show a circle, it is not needed.
-    solid = [circle for circle in whole if not shown(circle, found, normalised)]
-    found = [circle for circle in found if not any(part_of(circle, other) for other in solid)]
-    found += solid
-    if radii is None:
-        blobs, smeared = _blobs(normalised, low, high)
-        found += [b for b in blobs if not any(halo_of(b, circle, normalised) for circle in found)]
-        for streak in smeared:
-            inside = [circle for circle in found if _in_streak(circle, streak)]
-            # Two that touch look like a streak, too; but each is whole.
-            if all(circle[3] < _HALF_OPEN for circle in inside):
-                found = [circle for circle in found if circle not in inside]
-                found.append(streak.circle)
-    else:
-        found = [circle for circle in found if 0.95 * low < circle[2] < 1.05 * high]
+    found = [circle for circle in found if 0.95 * low < circle[2] < 1.05 * high]
     found = sorted(found, key=rank)[: 3 * most]
     weighed = [
         (*circle[:4], circle[4] * _substance(circle, picture, expected, noise)) for circle in found
@@ -293,10 +205,8 @@ def find_circles(
     return _distinct(weighed, most, picture, expected)
 
 
-def _searched(
-    level: FloatImage, scale: int, radii: FloatArray, most: int
-) -> tuple[list[Circle], EdgePoints]:
-    """Circles of one scale, px of that scale, and the edges there are."""
+def _searched(level: FloatImage, scale: int, radii: FloatArray, most: int) -> list[Circle]:
+    """Circles of one scale, px of that scale."""
     voted = [
         (edges, peaks)
         for left, top, window in _windows(level, scale, float(radii.max()))
@@ -308,43 +218,8 @@ def _searched(
     least = float(np.sort(support)[-most]) if len(support) > most else 0.0
     found: list[Circle] = []
     for edges, peaks in voted:
-        found += _refined(edges, peaks[peaks[:, 3] >= least, :3])
-    columns = zip(*(vars(edges).values() for edges, _ in voted), strict=True)
-    every = [np.concatenate(column) for column in columns] or [np.zeros(0, np.float32)] * 5
-    return found, EdgePoints(*every)
-
-
-def _resharpened(circle: Circle, edges: EdgePoints) -> Circle:
-    """The same circle, as steep as the signed difference is along it."""
-    x, y, radius, coverage, sharpness = circle
-    along = _steepness(edges.x, edges.y, edges.nx, edges.ny, edges.strength, x, y, radius)
-    return x, y, radius, coverage, max(sharpness, along)
-
-
-@compiled
-def _steepness(
-    x: FloatImage,
-    y: FloatImage,
-    nx: FloatImage,
-    ny: FloatImage,
-    strength: FloatImage,
-    middle_x: float,
-    middle_y: float,
-    radius: float,
-) -> float:
-    """Mean over a rim's sectors of the steepest edge that runs along it."""
-    best = np.zeros(_SECTORS)
-    tolerance = max(1.0, _RING * radius)
-    for k in range(len(x)):
-        dx, dy = x[k] - middle_x, y[k] - middle_y
-        rho = max(math.sqrt(dx * dx + dy * dy), 1e-6)
-        if abs(rho - radius) < tolerance and abs(dx * nx[k] + dy * ny[k]) > _ALONG * rho:
-            sector = int((math.atan2(dy, dx) / (2 * math.pi) + 0.5) * _SECTORS) % _SECTORS
-            best[sector] = max(best[sector], strength[k])
-    total = 0.0
-    for k in range(_SECTORS):
-        total += min(best[k], _STEEPEST)
-    return total / _SECTORS
+        found += fit_to_edges(edges, peaks[peaks[:, 3] >= least, :3])
+    return found
 
 
 def _scales(low: float, high: float, size: int) -> Iterator[tuple[int, FloatArray]]:
@@ -392,123 +267,6 @@ def _enlarged(circle: Circle, scale: int) -> Circle:
     half = 0.5 * (scale - 1)
     x, y, radius, coverage, sharpness = circle
     return x * scale + half, y * scale + half, radius * scale, coverage, sharpness
-
-
-@dataclass(frozen=True)
-class _Streak:
-    """A part of a mask that is a disc swept along a line.
-
-    Attributes
-    ----------
-    x, y, radius, length : float
-        Its middle, radius and length of the way, px of the mask.
-    share : float
-        How much of mask and swept disc is common to both, 0 to 1.
-    """
-
-    x: float
-    y: float
-    radius: float
-    length: float
-    share: float
-
-
-def _streak_of(rows: IntArray, columns: IntArray, low: float, high: float) -> _Streak | None:
-    """Take a part of a mask for a swept disc.
-
-    Parameters
-    ----------
-    rows, columns : (n,) int arrays
-        Its pixels.
-    low, high : float
-        Smallest and largest radius, px of the mask.
-
-    Returns
-    -------
-    Streak or None
-        None where it is none, or hardly longer than wide.
-    """
-    area = float(len(rows))
-    if (
-        not np.pi * low**2 <= area <= (np.pi + 4.0 * _LONGEST) * high**2
-        or area < _FEWEST_STREAK_PIXELS
-    ):
-        return None
-    place = np.stack([columns, rows], axis=1).astype(np.float64)
-    middle = place.mean(axis=0)
-    apart = place - middle
-    _, axes = np.linalg.eigh(apart.T @ apart)
-    across, along = (apart @ axes).T
-    radius = _share_below(np.abs(across), _WIDTH) + 0.5
-    length = max(0.0, (area - np.pi * radius**2) / (2.0 * radius))
-    if not low <= radius <= high or not _SHORTEST * radius < length < 2.0 * _LONGEST * radius:
-        return None
-    beyond = np.maximum(np.abs(along) - 0.5 * length, 0.0)
-    inside = int(np.count_nonzero(np.hypot(beyond, across) <= radius + 0.5))
-    share = inside / (2.0 * area - inside)
-    if share < _LIKE_A_STREAK:
-        return None
-    return _Streak(float(middle[0]), float(middle[1]), radius, length, share)
-
-
-def _share_below(values: FloatArray, share: float) -> float:
-    """Quantile: numpy's takes three times as long over some hundred values."""
-    place = share * (len(values) - 1)
-    below = int(place)
-    above = min(below + 1, len(values) - 1)
-    ordered = np.partition(values, [below, above])
-    return float(ordered[below] + (place - below) * (ordered[above] - ordered[below]))
-
-
-def _blobs(normalised: FloatImage, low: float, high: float) -> tuple[list[Circle], list[_Smeared]]:
-    """Compact things whose outline is too blurred or too ragged for a circle of edges.
-
-    Streaks of things that went far while the shutter was open stand apart.
-    """
-    height, width = normalised.shape
-    scale = 2 if min(height, width) >= 240 else 1
-    level = _shrunk(normalised, scale)
-    above = (np.abs(level) > 5.0 / scale).astype(np.uint8)
-    mask = cv2.morphologyEx(above, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    count, labels, boxes, centres = cv2.connectedComponentsWithStats(mask)
-    found, smeared = [], []
-    areas = np.asarray(boxes[:count, cv2.CC_STAT_AREA], dtype=np.int64)
-    for label in _foremost(level, np.asarray(labels, dtype=np.int64), areas):
-        left, top, wide, tall, area = (int(value) for value in boxes[label])
-        radius = float(np.sqrt(area / np.pi))
-        if not low <= radius * scale <= 2.0 * high:
-            continue
-        rows, columns = np.nonzero(labels[top : top + tall, left : left + wide] == label)
-        rows, columns = rows + top, columns + left
-        half = 0.5 * (scale - 1)
-        streak = _streak_of(rows, columns, low / scale, high / scale)
-        if streak is not None:
-            strength = float(np.median(np.abs(level[rows, columns])))
-            x, y = streak.x * scale + half, streak.y * scale + half
-            circle = (x, y, streak.radius * scale, _STREAK_COVERAGE * streak.share, strength)
-            smeared.append(_Smeared(circle, streak.length * scale))
-        if radius * scale > high or max(wide, tall) > 3.5 * radius:
-            continue
-        x, y = centres[label]
-        reach = np.hypot(columns - x, rows - y)
-        round_part = float(np.mean(reach <= 1.1 * radius))
-        if round_part < 0.8:
-            continue
-        strength = float(np.median(np.abs(level[rows, columns])))
-        found.append(
-            (x * scale + half, y * scale + half, radius * scale, 0.7 * round_part, strength)
-        )
-    return found, smeared
-
-
-def _foremost(level: FloatImage, labels: IntArray, area: IntArray) -> list[int]:
-    """Labels of the pieces that may rank among the first: leaves in the wind make thousands."""
-    pieces = np.arange(1, len(area))
-    if len(pieces) > _MOST_PIECES:
-        total = np.bincount(labels.ravel(), np.abs(level).ravel(), len(area))[1:]
-        rank = np.log1p(total / area[1:]) * area[1:].astype(np.float64) ** 0.25
-        pieces = np.sort(pieces[np.argsort(-rank, kind="stable")[:_MOST_PIECES]])
-    return [int(label) for label in pieces]
 
 
 def _substance(
@@ -588,7 +346,7 @@ def _vote(
                         votes[layer, beside, along] += np.float32(1.0)
 
 
-def _refined(edges: EdgePoints, start: FloatArray) -> list[Circle]:
+def fit_to_edges(edges: EdgePoints, start: FloatArray) -> list[Circle]:
     """Fit circles (x, y, radius) to the edges near them, and say how much of them is covered."""
     found = np.empty((len(start), 5))
     alive = np.empty(len(start), dtype=np.bool_)

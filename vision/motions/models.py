@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-import scipy.optimize
-import scipy.special
+import scipy
 from numpy.typing import NDArray
+
+from metrology.least_squares import bounded_robust
 
 __all__ = [
     "DISCREPANCY",
@@ -438,17 +439,16 @@ def fit_swing(seen: Observations, noise: float) -> Swing | None:
     def refined(
         first: FloatArray, drifts: bool, rows: Observations, steps: int
     ) -> tuple[float, FloatArray, bool]:
-        fitted = scipy.optimize.least_squares(
-            solved,
+        steps_of = np.array([0.5 / max(math.exp(first[0]) * span, 1.0), 0.3, 0.5, 0.5])
+        cost, values = bounded_robust(
+            lambda tried: solved(tried, drifts, rows),
             first,
-            bounds=(lower, upper),
-            args=(drifts, rows),
-            loss="cauchy",
-            f_scale=scale,
-            max_nfev=steps,
-            x_scale=[0.5 / max(math.exp(first[0]) * span, 1.0), 0.3, 0.5, 0.5],
+            (np.array(lower), np.array(upper)),
+            scale,
+            steps_of,
+            steps,
         )
-        return float(fitted.cost), fitted.x, drifts
+        return cost, values, drifts
 
     trial.sort(key=lambda one: one[0])
     tried = [refined(first, drifts, rough, 8) for _, first, drifts in trial[:6]]

@@ -81,7 +81,7 @@ def test_good_pictures_give_a_lens(good: list[str], tmp_path: Path) -> None:
     ("chosen", "options", "reason"),
     [
         (slice(0, 8), ["--size", "9x6"], "of 8 pictures"),
-        (slice(0, 8), ["--size", "8by6"], "no board size"),
+        (slice(0, 8), ["--size", "8by6"], "is not a board size"),
         (slice(0, 3), [], "only 3 of 3"),
         ([7] * 8, [], "alike"),
     ],
@@ -121,4 +121,4 @@ def test_a_file_that_is_no_image_is_refused(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("no picture")
     code, words = told([str(tmp_path / "notes.txt")], tmp_path / "lens.toml")
     assert code == 3, words
-    assert "no picture" in words
+    assert "is not a readable image" in words

@@ -45,7 +45,7 @@ def test_millions_of_rows_are_thinned_with_a_note(folder):
     table.to_csv(folder / "long.csv", index=False)
     campaign = load_campaign(None, folder / "long.csv", load_setup(folder / "setup.toml"))
     assert campaign.trials[0].pendulum_time.size <= 8000
-    assert any("thinned" in note for note in campaign.notes)
+    assert any("reduced" in note for note in campaign.notes)
 
 
 @pytest.mark.slow

@@ -1,11 +1,7 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from tests.vision.ball.painted import exposed, wall, with_ball
-from vision.ball.choice import BallPath, link_circles, untangled
-from vision.ball.circles import Circles, find_circles
 from vision.pendulum.arc import fit_arc
 from vision.scene import (
     Aligner,
@@ -68,50 +64,6 @@ def test_brightness_ignores_what_stands_in_front() -> None:
     frame = scene * np.float32(1.1)
     frame[:, :50] = 10
     assert brightness(frame, scene, 1.0) == pytest.approx(1.1, abs=0.005)
-
-
-@pytest.mark.parametrize("radius", [3.0, 5.5, 12.0, 24.0])
-def test_circles_of_all_sizes_are_found(radius: float) -> None:
-    scene = wall(120, 200)
-    gray = exposed(with_ball(scene, (90.3, 61.7), radius), 1.0, 0).astype(np.float32)
-    found = find_circles(
-        gray, exposed(scene, 0.0, 0).astype(np.float32), np.full((120, 200), 1.2, np.float32)
-    )
-    assert found.centre_px[0] == pytest.approx([90.3, 61.7], abs=0.5)
-    assert found.radius_px[0] == pytest.approx(radius, rel=0.15)
-
-
-def test_an_even_shadow_is_worth_less_than_a_ball() -> None:
-    scene = exposed(wall(120, 200), 0.0, 0).astype(np.float32)
-    y, x = np.mgrid[0:120, 0:200]
-    gray = np.where(np.hypot(x - 150, y - 60) < 14, 0.6 * scene, scene).astype(np.float32)
-    ball = exposed(with_ball(wall(120, 200), (60.0, 60.0), 12.0), 0.0, 0).astype(np.float32)
-    gray[:, :100] = ball[:, :100]
-    found = find_circles(gray, scene, np.full((120, 200), 1.2, np.float32))
-    shadow = np.hypot(*(found.centre_px - [150, 60]).T) < 4
-    thing = np.hypot(*(found.centre_px - [60, 60]).T) < 4
-    assert found.sharpness[thing].max() > 2 * found.sharpness[shadow].max()
-
-
-def test_two_balls_that_collide_keep_their_names() -> None:
-    frames = np.arange(40)
-    circles = []
-    for frame in frames:
-        striker = (20.0 + 3.0 * min(frame, 20), 50.0)
-        target = (98.0 + 3.0 * max(frame - 20, 0), 50.0)
-        circles.append(
-            Circles(
-                np.array([striker, target]),
-                np.full(2, 9.0),
-                np.full(2, 0.95),
-                np.full(2, 60.0),
-                np.ones(2),
-                np.full(2, 90.0),
-            )
-        )
-    paths = link_circles(frames, circles)
-    ends = sorted((path.centre_px[0][0], path.centre_px[-1][0]) for path in paths[:2])
-    assert ends == [(20.0, 80.0), (98.0, 155.0)]
 
 
 def test_rest_ends_when_the_ball_leaves() -> None:
@@ -197,33 +149,6 @@ def test_a_swinging_thing_of_one_colour_leaves_no_ghost() -> None:
     assert np.mean(np.abs(background.image - bare)[30:50] > 10.0) < 0.03
 
 
-def test_a_panelled_ball_as_bright_as_the_wall_is_seen_whole() -> None:
-    scene = wall(120, 200)
-    light = with_ball(scene, (100.0, 60.0), 20.0, albedo=1.1)
-    y, x = np.mgrid[0:120, 0:200]
-    for dx, dy in ((-9.0, -4.0), (8.0, -6.0), (0.0, 10.0)):
-        light = np.where(np.hypot(x - 100 - dx, y - 60 - dy) < 5.0, 0.12, light)
-    empty = exposed(scene, 0.0, 0).astype(np.float32)
-    found = find_circles(
-        exposed(light, 1.0, 1).astype(np.float32), empty, np.full(empty.shape, 1.2, np.float32)
-    )
-    best = int(np.argmax(found.coverage * np.sqrt(found.radius_px)))
-    assert found.radius_px[best] == pytest.approx(20.0, abs=1.5)
-    assert found.centre_px[best] == pytest.approx([100.0, 60.0], abs=1.5)
-
-
-def test_a_soft_shadow_about_a_ball_is_no_larger_ball() -> None:
-    scene = np.full((120, 120), 180.0, dtype=np.float32)
-    y, x = np.mgrid[0:120, 0:120].astype(float)
-    away = np.hypot(x - 60.0, y - 60.0)
-    halo = scene - 20.0 * np.clip((26.0 - away) / 12.0, 0.0, 1.0)
-    picture = np.where(away < 12.0, 60.0, halo)
-    picture += np.random.default_rng(3).normal(0.0, 1.0, picture.shape)
-    found = find_circles(picture.astype(np.float32), scene, np.ones_like(scene))
-    assert found.radius_px[0] == pytest.approx(12.0, abs=0.5)
-    assert not np.any(found.radius_px > 16.0)
-
-
 def test_what_rests_while_something_passes_before_it_has_not_left() -> None:
     frame = np.arange(60)
     x = np.where(frame < 40, 50.0, 50.0 + 2.0 * (frame - 39))
@@ -231,58 +156,6 @@ def test_what_rests_while_something_passes_before_it_has_not_left() -> None:
     rest = find_rest(frame, np.column_stack([x, np.full(60, 20.0)]), 10.0)
     assert rest is not None
     assert rest.last == 39
-
-
-def test_a_leap_from_one_still_thing_to_another_is_a_change_of_identity() -> None:
-    frame = np.arange(40)
-    centre = np.column_stack([np.where(frame < 20, 20.0, 180.0) + 0.1 * frame, np.full(40, 60.0)])
-    ones = np.ones(40)
-    leapt = BallPath(frame, centre, 6.0 * ones, ones, 50.0 * ones, ones, 90.0 * ones)
-    assert [len(path.frame) for path in untangled([leapt])] == [20, 20]
-    struck = np.column_stack([20.0 + 30.0 * np.maximum(frame - 20, 0), np.full(40, 60.0)])
-    assert len(untangled([replace(leapt, centre_px=struck)])) == 1
-
-
-def _spot(x: float, y: float, radius: float, sharpness: float) -> Circles:
-    return Circles(
-        np.array([[x, y]]),
-        np.array([radius]),
-        np.ones(1),
-        np.array([sharpness]),
-        np.ones(1),
-        np.full(1, 90.0),
-    )
-
-
-def test_a_faint_ball_that_bounces_at_few_frames_per_second_is_one_path() -> None:
-    # 41 px per frame and frame: g at 10 frames per second, as a ball of 10 px in radius has it.
-    y, speed, rows = 90.0, 0.0, []
-    for _ in range(24):
-        rows.append(y)
-        speed += 20.0
-        y += speed
-        if y > 300.0:
-            y, speed = 600.0 - y, -0.8 * speed
-    circles = [_spot(40.0 + i, height, 10.0, 12.0) for i, height in enumerate(rows)]
-    paths = link_circles(np.arange(24), circles)
-    assert len(paths[0].frame) >= 18
-
-
-def test_two_clear_strangers_do_not_end_the_search_for_longer_paths() -> None:
-    circles = [_spot(40.0 + 2.0 * index, 60.0, 8.0, 8.0) for index in range(12)]
-    flash = np.array([[200.0, 20.0]])
-    for index in (3, 4):
-        both = circles[index]
-        circles[index] = Circles(
-            np.concatenate([both.centre_px, flash]),
-            np.array([8.0, 60.0]),
-            np.ones(2),
-            np.array([8.0, 200.0]),
-            np.ones(2),
-            np.full(2, 90.0),
-        )
-    paths = link_circles(np.arange(12), circles)
-    assert max(len(path.frame) for path in paths) == 12
 
 
 def test_a_ball_lies_where_it_dwells_though_the_first_fits_are_off() -> None:

@@ -18,9 +18,9 @@ from tests.vision.ball.painted import (
     with_ball,
 )
 from vision.ball.ball import BallFits, _of_one_size, follow_ball
-from vision.ball.choice import BallPath
 from vision.ball.edges import Hides
 from vision.ball.outline import nothing_found
+from vision.ball.path import BallPath
 from vision.ball.refine import _between, _evenly, _lowest, _Refiner, _unrest, refine_ball
 from vision.clip.clip import ClipReader
 from vision.clip.footage import Footage
@@ -119,7 +119,7 @@ def test_seams_and_lines_do_not_draw_the_outline_of_a_ball_that_fills_the_pictur
     # circles of edges are looked for in small pictures, and are off by some px of a large one
     off = np.random.default_rng(140).normal(0.0, 0.04 * radius, places.shape)
     plain = np.ones(count)
-    path = BallPath(8 + time, places + off, 1.02 * radius * plain, plain, plain, plain, plain)
+    path = BallPath(8 + time, places + off, 1.02 * radius * plain)
     found = follow_ball(filmed, path)
     away = np.hypot(*(found.centre - places[found.frame - 8]).T)
     assert len(found) == count
@@ -171,7 +171,7 @@ def test_along_a_path_where_nothing_is_nothing_is_found() -> None:
     filmed = FilmedScene(Footage(PaintedClip(pictures)))  # type: ignore[arg-type]
     frame, plain = np.arange(8, 15), np.ones(7)
     places = np.column_stack([30.0 + 12.0 * np.arange(7), 45.0 * plain])
-    path = BallPath(frame, places, 11.0 * plain, plain, plain, plain, plain)
+    path = BallPath(frame, places, 11.0 * plain)
     assert len(follow_ball(filmed, path)) == 0
 
 

@@ -3,7 +3,7 @@ import pytest
 
 from tests.vision.ball.painted import PaintedClip, cover, exposed, wall
 from vision.ball.ball import follow_ball
-from vision.ball.choice import BallPath
+from vision.ball.path import BallPath
 from vision.ball.streaks import Sweep, fit_sweep
 from vision.clip.footage import Footage
 from vision.following import follow
@@ -76,6 +76,6 @@ def test_the_size_of_a_small_ball_is_that_of_all_of_it_and_not_of_its_light_part
         pictures.append(exposed(scene * (1.0 - part) + shade * part, 1.0, 20 + index))
     looks, plain = np.arange(8, 44, 3), np.ones(12)
     seen = places[looks - 6] - np.array([0.0, 0.2 * radius])
-    path = BallPath(looks, seen, 5.0 * plain, plain, plain, plain, plain)
+    path = BallPath(looks, seen, 5.0 * plain)
     fits = follow_ball(FilmedScene(Footage(PaintedClip(pictures))), path)  # type: ignore[arg-type]
     assert np.median(fits.radius) == pytest.approx(radius, abs=0.5)

@@ -1,0 +1,157 @@
+"""Objects painted with known places are detected, linked and selected."""
+
+import numpy as np
+import pytest
+
+import vision
+from metrology import NotFoundError
+from tests.vision.ball.painted import (
+    PaintedClip,
+    PaintedColourClip,
+    cover,
+    exposed,
+    wall,
+    with_ball,
+)
+from vision.clip.footage import Footage
+from vision.finding.detection import Detections, detect, searched_frames
+from vision.finding.linking import Tracklet, link
+from vision.finding.selection import select
+from vision.scene import FilmedScene
+
+HEIGHT, WIDTH = 140, 260
+
+
+def _scene(clip: PaintedClip | PaintedColourClip) -> FilmedScene:
+    return FilmedScene(Footage(clip))  # type: ignore[arg-type]
+
+
+def _way(count: int, rest: int = 0) -> np.ndarray:
+    time = np.maximum(np.arange(count) - rest, 0.0)
+    return np.column_stack([40.0 + 3.0 * time, 80.0 - 2.5 * time + 0.05 * time**2])
+
+
+def _flight(radius: float, count: int = 50, rest: int = 0) -> tuple[PaintedClip, np.ndarray]:
+    places = _way(count, rest)
+    pictures = [
+        exposed(with_ball(wall(HEIGHT, WIDTH), (float(x), float(y)), radius, 0.5), 1.5, index)
+        for index, (x, y) in enumerate(places)
+    ]
+    return PaintedClip(pictures), places
+
+
+def _nearest(seen: Detections, places: np.ndarray) -> np.ndarray:
+    """Distance of the nearest detection in each frame."""
+    off = np.hypot(*(seen.centre_px - places[seen.frame]).T)
+    return np.array([off[seen.frame == frame].min(initial=np.inf) for frame in range(len(places))])
+
+
+@pytest.mark.parametrize("radius", [4.0, 9.0, 25.0])
+def test_a_ball_of_any_size_is_detected_in_nearly_every_frame(radius: float) -> None:
+    clip, places = _flight(radius)
+    seen = detect(_scene(clip))
+    whole = np.all((places > radius) & (places < np.array([WIDTH, HEIGHT]) - radius), axis=1)
+    near = _nearest(seen, places)[whole] < 0.25 * radius + 0.5
+    assert near.mean() > 0.95
+
+
+def test_a_ball_at_rest_for_most_of_the_clip_is_detected_there_too() -> None:
+    clip, places = _flight(9.0, count=80, rest=55)
+    near = _nearest(detect(_scene(clip)), places) < 2.0
+    assert near[:55].mean() > 0.95
+
+
+def test_nothing_is_detected_in_noise() -> None:
+    pictures = [exposed(wall(HEIGHT, WIDTH), 2.0, index) for index in range(30)]
+    assert len(detect(_scene(PaintedClip(pictures)))) < 3
+
+
+def test_a_ball_of_the_walls_lightness_is_detected_by_its_colour() -> None:
+    places, pictures, rng = _way(50), [], np.random.default_rng(3)
+    for x, y in places:
+        share = cover(HEIGHT, WIDTH, (float(x), float(y)), 9.0)[..., None]
+        # red and gray of nearly the same luma
+        picture = (1.0 - share) * np.array([120.0, 120.0, 120.0]) + share * np.array([60, 110, 190])
+        picture += rng.normal(0.0, 1.5, picture.shape)
+        pictures.append(np.rint(picture).astype(np.uint8))
+    near = _nearest(detect(_scene(PaintedColourClip(pictures))), places) < 2.0
+    assert near.mean() > 0.9
+
+
+def _detections(frame: list[int], places: np.ndarray, radius: float) -> Detections:
+    count = len(frame)
+    plain = np.ones(count)
+    colour = np.full((count, 3), 90.0)
+    return Detections(
+        np.array(frame), places, radius * plain, plain, 20 * plain, colour, colour, 9 * plain, plain
+    )
+
+
+def _mixed(parts: list[Detections]) -> Detections:
+    names = Detections.__annotations__
+    every = Detections(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+    return every.at(np.argsort(every.frame, kind="stable"))
+
+
+def test_a_struck_ball_with_missed_frames_is_one_tracklet_among_strays() -> None:
+    rng = np.random.default_rng(1)
+    places = _way(60, rest=25)
+    kept = np.setdiff1d(np.arange(60), [10, 11, 40])
+    strays = [
+        _detections([k] * 4, rng.uniform([0, 0], [WIDTH, HEIGHT], (4, 2)), 7.0) for k in range(60)
+    ]
+    ball = _detections(kept.tolist(), places[kept] + rng.normal(0, 0.2, (len(kept), 2)), 9.0)
+    found = link(_mixed([ball, *strays]), np.arange(60), (HEIGHT, WIDTH))
+    best = found[0]
+    assert len(best) >= 55
+    assert np.hypot(*(best.centre_px - places[best.frame]).T).max() < 2.0
+
+
+def test_strays_alone_make_no_tracklet_worth_much() -> None:
+    rng = np.random.default_rng(2)
+    strays = [
+        _detections([k] * 5, rng.uniform([0, 0], [WIDTH, HEIGHT], (5, 2)), 7.0) for k in range(60)
+    ]
+    found = link(_mixed(strays), np.arange(60), (HEIGHT, WIDTH))
+    ball = link(_detections(list(range(60)), _way(60), 7.0), np.arange(60), (HEIGHT, WIDTH))
+    assert max((one.log_odds for one in found), default=0.0) < 0.3 * ball[0].log_odds
+
+
+def test_the_ball_is_selected_before_its_shadow() -> None:
+    places, pictures = _way(60, rest=20), []
+    for index, (x, y) in enumerate(places.tolist()):
+        shade = cover(HEIGHT, WIDTH, (x + 14.0, y + 20.0), 10.0)
+        light = wall(HEIGHT, WIDTH) * (1.0 - 0.35 * shade)
+        pictures.append(exposed(with_ball(light, (x, y), 9.0, 0.5), 1.5, index))
+    scene = _scene(PaintedClip(pictures))
+    frames = searched_frames(scene)
+    found = link(detect(scene), frames, scene.shape)
+    chosen = select(found, len(frames), scene.shape)
+    best: Tracklet = found[int(chosen.order[0])]
+    assert np.median(np.hypot(*(best.centre_px - places[best.frame]).T)) < 1.5
+    assert chosen.probability.sum() + chosen.none == pytest.approx(1.0)
+
+
+def test_a_table_that_was_corrected_by_hand_is_refined() -> None:
+    clip, places = _flight(9.0)
+    tracklets = vision.link(vision.detect(clip))
+    order = vision.interpret(tracklets)
+    assert order["probability"].sum() + order.attrs["none"] == pytest.approx(1.0)
+    chosen = int(order["tracklet"][0])
+    # a row that is moved by a radius is drawn back to the outline
+    wrong = tracklets["tracklet"].eq(chosen) & tracklets["frame"].eq(20)
+    tracklets.loc[wrong, "x_px"] += 4.0
+    fitted = vision.refine(clip, tracklets, chosen)
+    off = fitted[["x_px", "y_px"]].to_numpy() - places[fitted["frame"]]
+    assert len(fitted) > 30
+    assert np.median(np.hypot(*off.T)) < 0.1
+    assert np.hypot(*off[fitted["frame"] == 20].T).max() < 0.5
+
+
+def test_an_unknown_tracklet_and_an_empty_table_are_refused() -> None:
+    clip, _ = _flight(9.0)
+    tracklets = vision.link(vision.detect(clip))
+    with pytest.raises(NotFoundError, match="no tracklet 99"):
+        vision.refine(clip, tracklets, 99)
+    with pytest.raises(NotFoundError, match="empty"):
+        vision.link(tracklets.iloc[:0])

@@ -1,0 +1,1 @@
+"""Find round moving objects: detect in each frame, link to tracklets, select."""

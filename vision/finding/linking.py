@@ -1,0 +1,632 @@
+"""Link detections to tracklets by one log odds: object or false detections.
+
+A chain of detections is worth what its places and looks are more probable under one object than
+under false detections spread evenly over the picture. An object goes on at its velocity
+up to a Student-t distributed change (gravity, contacts and bounces are its tail), keeps its radius
+and colour up to theirs, and is missed in some frames. The best chains are found by dynamic
+programming over pairs of detections, so that each state has a velocity. The parameters are fitted
+by maximum likelihood to clips with truth by `training/fit_finding.py`.
+"""
+
+import json
+import math
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metrology.compiled import compiled
+from vision.finding.detection import Detections
+
+__all__ = ["LinkParameters", "Tracklet", "link", "link_parameters"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_MAX_GAP = 3
+"""Steps between two detections of a chain at most. Derived: a parabola over more is no better than
+the free fit that fills gaps."""
+
+_MAX_TRACKLETS = 20
+"""Tracklets at most. Measured: the true object was among the best eleven in every clip."""
+
+_ROUNDS, _PER_ROUND = 16, 2
+"""Times that the best chains are looked for, those found taken out, and chains of each. Given by
+the budget: chains that share detections with better ones are found in later rounds."""
+
+
+@dataclass(frozen=True)
+class LinkParameters:
+    """Parameters of the likelihood.
+
+    Attributes
+    ----------
+    place_px, place_radii : float
+        Standard deviation of a detection's centre: a constant, and a share of its radius.
+    change_radii : float
+        Scale of a change of velocity, radii per frame².
+    change_freedom : float
+        Degrees of freedom of its distribution: fewer allow for more contacts and bounces.
+    speed_radii : float
+        Scale of the first velocity, radii per frame.
+    log_radius : float
+        Standard deviation of the logarithm of a radius between detections.
+    colour : float
+        Scale of a change of mean colour, gray levels.
+    missed, stays_missed : float
+        Probability that an object is missed in a frame, and that one missed is so in the next.
+    begins : float
+        Probability that a detection begins a chain, and that one ends it.
+    looks : tuple of float
+        Weights of coverage, for the logarithm of sharpness, and in all.
+    """
+
+    place_px: float
+    place_radii: float
+    change_radii: float
+    change_freedom: float
+    speed_radii: float
+    log_radius: float
+    colour: float
+    missed: float
+    stays_missed: float
+    begins: float
+    looks: tuple[float, float, float]
+
+
+@cache
+def link_parameters() -> LinkParameters:
+    """The fitted parameters."""
+    text = resources.files("vision.finding").joinpath("parameters.json").read_text("utf-8")
+    values = json.loads(text)["linking"]
+    looks = tuple(values.pop("looks")["value"])
+    return LinkParameters(**{name: each["value"] for name, each in values.items()}, looks=looks)
+
+
+@dataclass(frozen=True)
+class Tracklet:
+    """Detections of one object, in time order.
+
+    Attributes
+    ----------
+    seen : Detections
+        Its rows.
+    log_odds : float
+        Log odds by which it is more probable as one object than as false detections.
+    """
+
+    seen: Detections
+    log_odds: float
+
+    @property
+    def frame(self) -> IntArray:
+        """Frames (N,)."""
+        return self.seen.frame
+
+    @property
+    def centre_px(self) -> FloatArray:
+        """Centres (N, 2), px."""
+        return self.seen.centre_px
+
+    @property
+    def radius(self) -> float:
+        """Typical radius, px."""
+        return float(np.median(self.seen.radius_px))
+
+    def __len__(self) -> int:
+        return len(self.seen)
+
+    def where(self, keep: NDArray[np.bool_] | IntArray) -> "Tracklet":
+        """Some of the rows, with their share of the log odds."""
+        seen = self.seen.at(keep)
+        return Tracklet(seen, self.log_odds * len(seen) / max(len(self.seen), 1))
+
+    def then(self, tail: "Tracklet") -> "Tracklet":
+        """These rows and those of later frames."""
+        return Tracklet(self.seen.then(tail.seen), self.log_odds + tail.log_odds)
+
+
+def node_worth(seen: Detections, parameters: LinkParameters) -> FloatArray:
+    """Log odds by which each detection looks like an object (N,)."""
+    coverage, sharpness, constant = parameters.looks
+    return np.asarray(
+        coverage * seen.coverage + sharpness * np.log(np.maximum(seen.sharpness, 1.0)) + constant
+    )
+
+
+def link(
+    seen: Detections,
+    frames: IntArray,
+    shape: tuple[int, int],
+    parameters: LinkParameters | None = None,
+) -> list[Tracklet]:
+    """Link detections to tracklets, those of most log odds first.
+
+    Parameters
+    ----------
+    seen : Detections
+        Detections of all frames searched.
+    frames : (K,) int array
+        Frames searched, increasing.
+    shape : (2,) tuple of int
+        Height and width of the picture, px.
+    parameters : LinkParameters, optional
+        Of the likelihood; the fitted ones without.
+
+    Returns
+    -------
+    list of Tracklet
+    """
+    if len(seen) == 0:
+        return []
+    known = parameters or link_parameters()
+    step = np.searchsorted(frames, seen.frame)
+    worth = node_worth(seen, known)
+    # false detections for each px²: what is found, spread over the picture
+    density = len(seen) / (len(frames) * float(shape[0] * shape[1]))
+    pairs = _pairs(seen, step, worth, known, density)
+    alive = np.ones(len(seen), dtype=bool)
+    found: list[Tracklet] = []
+    for _ in range(_ROUNDS):
+        chains = _chains(seen, step, worth, pairs, alive, known, density)
+        for rows, odds in chains:
+            found.append(Tracklet(seen.at(rows), odds))
+            alive &= ~_explained(seen, rows)
+        if not chains:
+            break
+    found = _exchanged(found, known)
+    found = [part for one in found for part in _parts(one, known, density)]
+    found = _joined(found, known, density)
+    return sorted(found, key=lambda one: -one.log_odds)[:_MAX_TRACKLETS]
+
+
+def _exchanged(found: list[Tracklet], known: LinkParameters) -> list[Tracklet]:
+    """Exchange the tails of two alike chains where both turn less that way.
+
+    Of two balls that meet, the first chain found runs on through the other.
+    """
+    chains = list(found)
+    for place in range(len(chains)):
+        for other in range(place + 1, len(chains)):
+            one, two = chains[place], chains[other]
+            if abs(math.log(one.radius / two.radius)) > 4.0 * known.log_radius:
+                continue
+            frame = _exchange_after(one, two, known)
+            if frame is not None:
+                chains[place], chains[other] = (
+                    head.where(head.frame <= frame).then(tail.where(tail.frame > frame))
+                    for head, tail in ((one, two), (two, one))
+                )
+    return chains
+
+
+def _exchange_after(one: Tracklet, two: Tracklet, known: LinkParameters) -> int | None:
+    """The frame after which an exchange of tails is most worth; None where none is."""
+    common, first, second = np.intersect1d(one.frame, two.frame, return_indices=True)
+    if len(common) < 4:
+        return None
+    here, there = one.centre_px[first], two.centre_px[second]
+    time = common.astype(np.float64)
+    size = 0.5 * (one.radius + two.radius)
+
+    def turns(place: FloatArray, later: FloatArray) -> FloatArray:
+        """Log density of the two changes of velocity about a step to the places of a chain."""
+        before = np.stack([place[:-3], place[1:-2], later[2:-1]])
+        after = np.stack([place[1:-2], later[2:-1], later[3:]])
+        when = np.stack([time[:-3], time[1:-2], time[2:-1], time[3:]])
+        return _turns(before, when[:3], size, known) + _turns(after, when[1:], size, known)
+
+    gain = turns(here, there) + turns(there, here) - turns(here, here) - turns(there, there)
+    best = int(np.argmax(gain))
+    return int(common[best + 1]) if gain[best] > 0.0 else None
+
+
+def _turns(place: FloatArray, time: FloatArray, size: float, known: LinkParameters) -> FloatArray:
+    """Log density of the change of velocity at the second of three places (3, N, 2)."""
+    earlier, elapsed = time[1] - time[0], time[2] - time[1]
+    ratio = elapsed / earlier
+    off = place[2] - place[1] - ratio[:, None] * (place[1] - place[0])
+    noise = known.place_px**2 + (known.place_radii * size) ** 2
+    pull = known.change_radii * size * 0.5 * elapsed * (elapsed + earlier)
+    wide = noise * (2.0 + 2.0 * ratio + 2.0 * ratio**2) + pull**2
+    freedom = known.change_freedom
+    odds = -0.5 * (freedom + 2.0) * np.log1p(np.sum(off**2, axis=1) / (wide * freedom))
+    return np.asarray(odds - np.log(2.0 * np.pi * wide))
+
+
+def _parts(one: Tracklet, known: LinkParameters, density: float) -> list[Tracklet]:
+    """A chain cut where two objects are more probable than one that leaps.
+
+    Each chain is best by itself, so that it runs on through what belongs to another.
+    """
+    cut = np.zeros(len(one), dtype=np.bool_)
+    seen = one.seen
+    _leaps(
+        seen.frame.astype(np.float64),
+        seen.centre_px,
+        seen.radius_px,
+        known.place_px,
+        known.place_radii,
+        known.change_radii,
+        known.change_freedom,
+        known.speed_radii,
+        known.begins,
+        density,
+        cut,
+    )
+    cut |= _beyond_reach(seen.frame.astype(np.float64), seen.centre_px, one.radius)
+    ends = np.concatenate([[0], np.flatnonzero(cut), [len(one)]])
+    parts = [np.arange(first, stop) for first, stop in pairwise(ends.tolist()) if stop - first >= 3]
+    return [Tracklet(seen.at(rows), one.log_odds * len(rows) / len(one)) for rows in parts]
+
+
+def _beyond_reach(frame: FloatArray, centre: FloatArray, radius: float) -> NDArray[np.bool_]:
+    """Rows that lie further from the one before than the faster side's speed takes it (N,).
+
+    With one radius to spare, for centres that are found off.
+    """
+    ahead = np.minimum(np.arange(len(frame)) + _SPEED_ROWS, len(frame) - 1)
+    behind = np.maximum(np.arange(len(frame)) - _SPEED_ROWS, 0)
+    after = np.hypot(*(centre[ahead] - centre).T) / np.maximum(frame[ahead] - frame, 1.0)
+    before = np.hypot(*(centre - centre[behind]).T) / np.maximum(frame - frame[behind], 1.0)
+    elapsed = np.diff(frame)
+    reach = np.maximum(before[:-1], after[1:]) * elapsed + radius
+    far = np.hypot(*np.diff(centre, axis=0).T) > reach
+    return np.concatenate([[False], far])
+
+
+_SPEED_ROWS = 4
+"""Rows over which a speed is taken. Derived: centres found by votes then add a percent of a radius
+a frame."""
+
+
+@compiled
+def _leaps(
+    frame: FloatArray,
+    centre: FloatArray,
+    radius: FloatArray,
+    place_px: float,
+    place_radii: float,
+    change: float,
+    freedom: float,
+    speed: float,
+    begins: float,
+    density: float,
+    cut: NDArray[np.bool_],
+) -> None:
+    """Mark the rows of a chain before which it is rather cut."""
+    count = len(frame)
+    turn = np.zeros(count)
+    for j in range(1, count - 1):
+        turn[j] = _turn(frame, centre, radius, j, place_px, place_radii, change, freedom, density)
+    for j in range(2, count - 1):
+        size = 0.5 * (radius[j] + radius[j + 1])
+        elapsed = frame[j + 1] - frame[j]
+        dx, dy = centre[j + 1, 0] - centre[j, 0], centre[j + 1, 1] - centre[j, 1]
+        share, reach = place_radii * size, speed * size * elapsed
+        scale = 2.0 * (place_px * place_px + share * share) + reach * reach
+        anew = -1.5 * math.log(1.0 + (dx * dx + dy * dy) / scale)
+        anew += 2.0 * math.log(begins) - math.log(6.2832 * scale * density)
+        cut[j] = anew > turn[j - 1] + turn[j]
+
+
+@compiled
+def _turn(
+    frame: FloatArray,
+    centre: FloatArray,
+    radius: FloatArray,
+    j: int,
+    place_px: float,
+    place_radii: float,
+    change: float,
+    freedom: float,
+    density: float,
+) -> float:
+    """Log odds of the change of velocity at a row of a chain."""
+    earlier, elapsed = frame[j] - frame[j - 1], frame[j + 1] - frame[j]
+    size = 0.5 * (radius[j] + radius[j + 1])
+    ratio = elapsed / earlier
+    ox = centre[j + 1, 0] - centre[j, 0] - ratio * (centre[j, 0] - centre[j - 1, 0])
+    oy = centre[j + 1, 1] - centre[j, 1] - ratio * (centre[j, 1] - centre[j - 1, 1])
+    share = place_radii * size
+    pull = change * size * 0.5 * elapsed * (elapsed + earlier)
+    wide = (place_px * place_px + share * share) * (2.0 + 2.0 * ratio + 2.0 * ratio * ratio)
+    wide += pull * pull
+    odds = -0.5 * (freedom + 2.0) * math.log(1.0 + (ox * ox + oy * oy) / (wide * freedom))
+    return float(odds - math.log(6.2832 * wide * density))
+
+
+def _joined(found: list[Tracklet], known: LinkParameters, density: float) -> list[Tracklet]:
+    """Join heads to tails as long as one object is more probable than two."""
+    chains = dict(enumerate(sorted(found, key=lambda one: int(one.frame[0]))))
+    gains: dict[tuple[int, int], float] = {}
+
+    def weigh(head: int, tail: int) -> None:
+        if chains[tail].frame[0] > chains[head].frame[-1]:
+            gains[head, tail] = _join_gain(chains[head], chains[tail], known, density)
+
+    for head in chains:
+        for tail in chains:
+            weigh(head, tail)
+    while gains:
+        best = max(gains, key=lambda pair: gains[pair])
+        if gains[best] <= 0.0:
+            break
+        whole = chains.pop(best[0]).then(chains.pop(best[1]))
+        whole = Tracklet(whole.seen, whole.log_odds + gains[best])
+        gains = {pair: gain for pair, gain in gains.items() if not {*pair} & {*best}}
+        new = max((*chains, *best)) + 1
+        chains[new] = whole
+        for other in list(chains):
+            weigh(other, new)
+            weigh(new, other)
+    return list(chains.values())
+
+
+def _join_gain(one: Tracklet, other: Tracklet, known: LinkParameters, density: float) -> float:
+    """Log odds of one object, seen on both sides of a gap, against two."""
+    before, after = min(len(one) - 1, 3), min(len(other) - 1, 3)
+    place = np.stack(
+        [one.centre_px[-1 - before], one.centre_px[-1], other.centre_px[0], other.centre_px[after]]
+    )
+    time = np.array(
+        [one.frame[-1 - before], one.frame[-1], other.frame[0], other.frame[after]],
+        dtype=np.float64,
+    )
+    size = 0.5 * (one.radius + other.radius)
+    step = place[3] - place[2]
+    noise = known.place_px**2 + (known.place_radii * size) ** 2
+    scale = 2.0 * noise + (known.speed_radii * size * (time[3] - time[2])) ** 2
+    anew = -1.5 * math.log1p(float(step @ step) / scale) - math.log(6.2832 * scale * density)
+    speed = np.hypot(*(place[1::2] - place[::2]).T) / np.maximum(time[1::2] - time[::2], 1.0)
+    if np.hypot(*(place[2] - place[1])) > float(speed.max()) * (time[2] - time[1]) + size:
+        return -math.inf
+    three = np.stack([place[:2], place[1:3], place[2:]])
+    when = np.stack([time[:2], time[1:3], time[2:]])
+    turns = float(_turns(three, when, size, known).sum()) - 2.0 * math.log(density)
+    ratio = math.log(one.radius / other.radius) / known.log_radius
+    change = np.median(one.seen.colour, axis=0) - np.median(other.seen.colour, axis=0)
+    looks = -0.5 * ratio**2 - 2.0 * math.log1p(float(change @ change) / known.colour**2)
+    elapsed = time[2] - time[1]
+    missed = math.log(known.missed) + (elapsed - 1.0) * math.log(known.stays_missed)
+    gain = turns - anew + looks - 2.0 * math.log(known.begins)
+    return float(gain + missed * (elapsed > 1.0))
+
+
+def _explained(seen: Detections, rows: IntArray) -> NDArray[np.bool_]:
+    """Detections that are of a chain, or the same circle found once more."""
+    taken = np.zeros(len(seen), dtype=bool)
+    taken[rows] = True
+    order = np.searchsorted(seen.frame[rows], seen.frame)
+    order = np.clip(order, 0, len(rows) - 1)
+    owner = rows[order]
+    shared = seen.frame[owner] == seen.frame
+    away = np.hypot(*(seen.centre_px - seen.centre_px[owner]).T)
+    ratio = np.abs(np.log(seen.radius_px / seen.radius_px[owner]))
+    return np.asarray(taken | (shared & (away < 0.3 * seen.radius_px[owner]) & (ratio < 0.25)))
+
+
+@dataclass(frozen=True)
+class _Pairs:
+    """Links between detections: earlier and later row, and their worth but for motion."""
+
+    early: IntArray
+    late: IntArray
+    worth: FloatArray
+    start: IntArray
+    """Where the links to each row begin; one more than rows."""
+
+
+def _pairs(
+    seen: Detections,
+    step: IntArray,
+    worth: FloatArray,
+    known: LinkParameters,
+    density: float,
+) -> _Pairs:
+    bounds = np.searchsorted(step, np.arange(int(step.max()) + 2))
+    size = len(seen) * _MAX_GAP * int(np.diff(bounds).max(initial=1))
+    early, late = np.empty(size, dtype=np.int64), np.empty(size, dtype=np.int64)
+    odds = np.empty(size)
+    start = np.zeros(len(seen) + 1, dtype=np.int64)
+    count = _linked(
+        step,
+        bounds,
+        seen.frame.astype(np.float64),
+        seen.centre_px,
+        seen.radius_px,
+        seen.colour,
+        known.log_radius,
+        known.colour,
+        known.missed,
+        known.speed_radii,
+        early,
+        late,
+        odds,
+        start,
+    )
+    return _Pairs(early[:count], late[:count], odds[:count], start)
+
+
+@compiled
+def _linked(
+    step: IntArray,
+    bounds: IntArray,
+    frame: FloatArray,
+    centre: FloatArray,
+    radius: FloatArray,
+    colour: FloatArray,
+    log_radius: float,
+    colour_scale: float,
+    missed: float,
+    speed: float,
+    early: IntArray,
+    late: IntArray,
+    odds: FloatArray,
+    start: IntArray,
+) -> int:
+    """Write the links of rows up to three steps apart that look alike."""
+    count = 0
+    for row in range(len(step)):
+        start[row] = count
+        for gap in range(1, 4):
+            place = step[row] - gap
+            if place < 0:
+                break
+            for other in range(bounds[place], bounds[place + 1]):
+                ratio = math.log(radius[row] / radius[other]) / log_radius
+                if abs(ratio) > 4.0:
+                    continue
+                dx, dy = centre[row, 0] - centre[other, 0], centre[row, 1] - centre[other, 1]
+                elapsed = frame[row] - frame[other]
+                size = 0.5 * (radius[row] + radius[other])
+                if dx * dx + dy * dy > (60.0 * speed * elapsed + 4.0) ** 2 * size * size:
+                    continue
+                off = 0.0
+                for channel in range(3):
+                    off += (colour[row, channel] - colour[other, channel]) ** 2
+                # radii of false detections spread over three octaves, colours over a cube
+                worth = -0.5 * ratio * ratio - math.log(log_radius * 2.5066 / 2.0)
+                worth += -2.0 * math.log(1.0 + off / (colour_scale * colour_scale))
+                worth += 3.0 * math.log(40.0 / (colour_scale + 10.0))
+                worth += (gap - 1) * math.log(missed)
+                early[count], late[count], odds[count] = other, row, worth
+                count += 1
+    start[len(step)] = count
+    return count
+
+
+@compiled
+def _best_links(
+    frame: FloatArray,
+    centre: FloatArray,
+    radius: FloatArray,
+    worth: FloatArray,
+    alive: NDArray[np.bool_],
+    early: IntArray,
+    late: IntArray,
+    odds: FloatArray,
+    start: IntArray,
+    place_px: float,
+    place_radii: float,
+    change: float,
+    freedom: float,
+    speed: float,
+    begins: float,
+    density: float,
+    best: FloatArray,
+    before: IntArray,
+) -> None:
+    """Write for each link the worth of the best chain that ends with it, and its link before."""
+    begin_odds = math.log(begins)
+    time = np.empty(len(early))
+    speed_x, speed_y = np.empty(len(early)), np.empty(len(early))
+    steep = -0.5 * (freedom + 2.0)
+    for k in range(len(early)):
+        i, j = early[k], late[k]
+        best[k], before[k] = -1e9, -1
+        if not (alive[i] and alive[j]):
+            continue
+        size = 0.5 * (radius[i] + radius[j])
+        elapsed = frame[j] - frame[i]
+        dx, dy = centre[j, 0] - centre[i, 0], centre[j, 1] - centre[i, 1]
+        vx, vy = dx / elapsed, dy / elapsed
+        time[k], speed_x[k], speed_y[k] = elapsed, vx, vy
+        share = place_radii * size
+        noise = place_px * place_px + share * share
+        # a first link: any direction, speeds with a long tail
+        reach = speed * size * elapsed
+        scale = 2.0 * noise + reach * reach
+        first = -1.5 * math.log(1.0 + (dx * dx + dy * dy) / scale)
+        total = begin_odds + worth[i] + first - math.log(6.2832 * scale * density)
+        here = -1
+        # no continuation is worth more than one without any change
+        most = -math.log(12.5664 * noise * density)
+        for m in range(start[i], start[i + 1]):
+            if best[m] + most <= total:
+                continue
+            earlier = time[m]
+            ox, oy = (vx - speed_x[m]) * elapsed, (vy - speed_y[m]) * elapsed
+            ratio = elapsed / earlier
+            pull = change * size * 0.5 * elapsed * (elapsed + earlier)
+            wide = noise * (2.0 + 2.0 * ratio + 2.0 * ratio * ratio) + pull * pull
+            motion = steep * math.log(1.0 + (ox * ox + oy * oy) / (wide * freedom))
+            motion -= math.log(6.2832 * wide * density)
+            if best[m] + motion > total:
+                total, here = best[m] + motion, m
+        best[k], before[k] = total + odds[k] + worth[j], here
+
+
+def _chains(
+    seen: Detections,
+    step: IntArray,
+    worth: FloatArray,
+    pairs: _Pairs,
+    alive: NDArray[np.bool_],
+    known: LinkParameters,
+    density: float,
+) -> list[tuple[IntArray, float]]:
+    """Rows and log odds of the best chains that share no detection."""
+    best = np.empty(len(pairs.early))
+    before = np.empty(len(pairs.early), dtype=np.int64)
+    _best_links(
+        seen.frame.astype(np.float64),
+        seen.centre_px,
+        seen.radius_px,
+        worth,
+        alive,
+        pairs.early,
+        pairs.late,
+        pairs.worth,
+        pairs.start,
+        known.place_px,
+        known.place_radii,
+        known.change_radii,
+        known.change_freedom,
+        known.speed_radii,
+        known.begins,
+        density,
+        best,
+        before,
+    )
+    end = math.log(known.begins)
+    used = np.zeros(len(seen), dtype=bool)
+    chains: list[tuple[IntArray, float]] = []
+    rows = np.empty(int(step.max()) + 1, dtype=np.int64)
+    for place in np.argsort(-best, kind="stable").tolist():
+        if best[place] + end <= 0.0 or len(chains) >= _PER_ROUND:
+            break
+        count = _traced(place, pairs.early, pairs.late, before, used, rows)
+        if count < 3:
+            continue
+        chain = rows[:count][::-1].copy()
+        used |= _explained(seen, chain)
+        chains.append((chain, float(best[place]) + end))
+    return chains
+
+
+@compiled
+def _traced(
+    place: int,
+    early: IntArray,
+    late: IntArray,
+    before: IntArray,
+    used: NDArray[np.bool_],
+    rows: IntArray,
+) -> int:
+    """Write the rows of the chain that ends with a link, last first; 0 where one is used."""
+    if used[late[place]]:
+        return 0
+    rows[0] = late[place]
+    count = 1
+    while place >= 0:
+        row = early[place]
+        if used[row]:
+            return 0
+        rows[count] = row
+        count += 1
+        place = before[place]
+    return count
