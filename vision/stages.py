@@ -1,6 +1,6 @@
 """The four stages of following as tables: detect, link, interpret, refine.
 
-Rows and columns are those that `vision measure --detections FILE --tracklets FILE` writes. Pixel
+Each table can be read, corrected by hand and passed on to the next stage. Pixel
 centres are integers, (0, 0) is the centre of the top-left pixel, y points down; with a hand-held
 camera places are those of the still scene.
 """
