@@ -46,7 +46,8 @@ _USUAL = {
 """Usual values, 1/s and m."""
 
 _USUAL_SIGMAS, _USUAL_RELATIVE = 2.5, 0.03
-"""Standard deviations, and relative difference, within which a usual value is proposed (chosen)."""
+"""Standard deviations, and relative difference or half a standard deviation, within which a usual
+value is proposed (chosen)."""
 
 _MIN_ROWS = 10
 """Rows of a flight that is used (chosen)."""
@@ -299,7 +300,7 @@ def _usual(cause: Cause) -> tuple[float, bool]:
         value
         for value in _USUAL.get(cause.key, ())
         if abs(value - cause.value) < max(_USUAL_SIGMAS * cause.std, 0.0)
-        and abs(value / cause.value - 1.0) < _USUAL_RELATIVE
+        and abs(value - cause.value) < max(_USUAL_RELATIVE * cause.value, 0.5 * cause.std)
     ]
     if not near:
         return float(f"{cause.value:.3g}"), False
