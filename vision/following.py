@@ -359,6 +359,8 @@ def _followed_in(
     beside = others[0].track if came is not None else None
     pendulum = _pendulum(striker, rest, capture_fps)
     motion = interpret_tracks(ball, pendulum, beside)
+    # a kind is right only if the object is
+    motion = replace(motion, probability=motion.probability * found.probability)
     if motion.kind is MotionKind.SWING:
         rest_frames = None
     unmet = motion.kind in (MotionKind.NONE, MotionKind.SWING) and mass_at is None
