@@ -21,7 +21,8 @@ from metrology.files import printable, written_whole
 from pipelines.campaign.files import clip_key
 from pipelines.campaign.ledger import Entry, State
 from pipelines.measure.files import column_name, without_formulas
-from pipelines.measure.inputs import QUANTITY_UNITS
+from pipelines.measure.inputs import QUANTITY_UNITS, main_quantities
+from vision.tracks import MotionKind
 
 __all__ = [
     "ANALYSED",
@@ -657,7 +658,10 @@ def results_frame(
     book: LabBook | None,
     elsewhere: Mapping[str, str],
 ) -> pd.DataFrame:
-    """One row per clip that is done or failed; columns in the contract's order.
+    """One row per clip that is done or failed.
+
+    The columns are those of the lab book, the main quantities of the motions seen, all other
+    quantities, and state and reasons.
 
     ``excluded`` gives the reason for each clip excluded from the laws: a mark, or `elsewhere` as
     from `not_counted`.
@@ -676,13 +680,41 @@ def results_frame(
     frame = frame.reindex(columns=list(dict.fromkeys(name for part in parts for name in part)))
     tail = ["motion", *[name for name in frame if str(name).startswith("reason_")]]
     tail += ["warnings", "state", "error", "excluded"]
-    frame = frame[[*[name for name in frame if name not in tail], *tail]].reset_index(drop=True)
+    first = [name for name in frame if name in columns]
+    main = [name for name in main_columns(frame) if name not in first]
+    others = [name for name in frame if name not in {*first, *main, *tail}]
+    frame = frame[[*first, *main, *others, *tail]].reset_index(drop=True)
     numbers = {f"{name}{std}" for name in _NUMERIC for std in ("", "_std")}
     numbers |= {name for name in _RESERVED if name.endswith("_std")}
     for name in map(str, frame.columns):
         if name in numbers:
             frame[name] = pd.to_numeric(frame[name])
     return frame
+
+
+def main_columns(frame: pd.DataFrame) -> list[str]:
+    """Columns of the main quantities of the kinds of motion in a table, the most frequent first."""
+    seen = frame["motion"].dropna().value_counts().index if "motion" in frame else ()
+    names = dict.fromkeys(name for kind in seen for name in main_quantities(MotionKind(kind)))
+    heads = list(map(str, frame))
+    found = []
+    for name in names:
+        # without a scale the unit depends on whether the rate is known
+        starts = column_name(name, QUANTITY_UNITS[name]) if name in QUANTITY_UNITS else None
+        found += [
+            head
+            for head in heads
+            if head in (starts, f"{starts}_std") or (starts is None and head.startswith(name))
+        ]
+    return found
+
+
+def _short(frame: pd.DataFrame) -> pd.DataFrame:
+    """The table for people: lab book and main quantities, without quantities that no clip has."""
+    known = {f"{column_name(n, u)}{std}" for n, u in QUANTITY_UNITS.items() for std in ("", "_std")}
+    main = [name for name in main_columns(frame) if frame[name].notna().any()]
+    hidden = {name for name in map(str, frame) if name in known or name.startswith("reason_")}
+    return frame[[name for name in frame if name in main or name not in hidden]]
 
 
 def _batches(rows: Iterator[dict[str, object]]) -> Iterator[list[dict[str, object]]]:
@@ -697,6 +729,8 @@ def parquet_is_written() -> bool:
 
 def write_tables(frame: pd.DataFrame, folder: Path) -> None:
     """Write ``results.csv``, ``.xlsx`` and, where pyarrow is installed, ``.parquet``, atomically.
+
+    The workbook has two sheets: the main quantities, and all columns.
 
     Raises
     ------
@@ -719,8 +753,12 @@ def write_tables(frame: pd.DataFrame, folder: Path) -> None:
     plain.to_csv(buffer, index=False, lineterminator="\n", quoting=csv.QUOTE_MINIMAL)
     try:
         write_text_whole(folder / "results.csv", buffer.getvalue())
-        with written_whole(folder / "results.xlsx") as temporary:
-            plain.to_excel(temporary, index=False, sheet_name="results")
+        with (
+            written_whole(folder / "results.xlsx") as temporary,
+            pd.ExcelWriter(temporary, engine="openpyxl") as book,
+        ):
+            _short(plain).to_excel(book, index=False, sheet_name="results")
+            plain.to_excel(book, index=False, sheet_name="all columns")
         if parquet_is_written():
             with written_whole(folder / "results.parquet") as temporary:
                 _storable(frame, texts).to_parquet(temporary, index=False)

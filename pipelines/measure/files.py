@@ -15,7 +15,7 @@ from metrology import Quantity, UsageError, write_text_whole
 from metrology.files import printable
 from metrology.quantity import format_quantity
 from pipelines.measure.impact import Impact, arm_along_bar, gap_after, gap_before
-from pipelines.measure.inputs import QuantityName, kinds_of
+from pipelines.measure.inputs import QuantityName, kinds_of, main_quantities
 from pipelines.measure.measurement import ClipMeasurement, alternative_kinds
 from pipelines.report import (
     Curve,
@@ -193,9 +193,14 @@ def column_of(quantity: Quantity) -> str:
 def measurement_as_row(
     measured: ClipMeasurement, names: Sequence[str] | None = None
 ) -> dict[str, object]:
-    """One row of results: clip, quantities, other speeds, rate and its source, reasons."""
+    """One row of results: clip, the main quantities of the motion seen, then all others.
+
+    Other speeds, rate, kind of motion and reasons follow.
+    """
     row: dict[str, object] = {"clip": str(measured.info.path)}
+    main = main_quantities(measured.motion.measured_as)
     kept = [item for item in measured.quantities if names is None or item.name in names]
+    kept.sort(key=lambda item: main.index(item.name) if item.name in main else len(main))
     items = (*kept, *_other_speeds(measured, names))
     for item in items:
         row[column_of(item)], row[f"{column_of(item)}_std"] = item.value, item.std

@@ -10,7 +10,15 @@ from physics.air import Air
 from pipelines.setup.file import BallSetup, Origin, Rig, Setup, ball_from_option, rig_of
 from vision.tracks import MotionKind
 
-__all__ = ["QUANTITY_UNITS", "Inputs", "QuantityName", "gather_inputs", "in_pixels", "kinds_of"]
+__all__ = [
+    "QUANTITY_UNITS",
+    "Inputs",
+    "QuantityName",
+    "gather_inputs",
+    "in_pixels",
+    "kinds_of",
+    "main_quantities",
+]
 
 UNKNOWN_DRAG = 0.02
 """1/m, value and std of ½ρSC_D/m for a ball of unknown mass (the paper's balls: 0.018 to 0.02;
@@ -254,3 +262,37 @@ def kinds_of(name: str) -> tuple[MotionKind, ...]:
     """Motions in which a quantity can be measured."""
     entry = _TABLE.get(QuantityName(name))
     return _ANY if entry is None else entry[1]
+
+
+_MAIN: dict[MotionKind, tuple[QuantityName, ...]] = {
+    MotionKind.STRIKE: (
+        QuantityName.CONTACT_TIME,
+        QuantityName.PENDULUM_SPEED_BEFORE,
+        QuantityName.BALL_SPEED,
+        QuantityName.LAUNCH_ANGLE,
+        QuantityName.LANDING_DISTANCE,
+        QuantityName.COR,
+    ),
+    MotionKind.SWING: (QuantityName.SWING_PERIOD, QuantityName.SWING_DAMPING),
+    MotionKind.COLLISION: (
+        QuantityName.CONTACT_TIME,
+        QuantityName.SPEED_BEFORE,
+        QuantityName.SPEED_AFTER,
+        QuantityName.OTHER_SPEED_BEFORE,
+        QuantityName.OTHER_SPEED_AFTER,
+        QuantityName.COR_COLLISION,
+    ),
+    **dict.fromkeys(
+        (*_FALL, MotionKind.BOUNCE),
+        (QuantityName.FALL_ACCELERATION, QuantityName.FLIGHT_SPEED, QuantityName.FLIGHT_ANGLE),
+    ),
+}
+
+
+def main_quantities(kind: MotionKind) -> tuple[QuantityName, ...]:
+    """At most six quantities that describe a motion; with their std twelve columns.
+
+    Where no scale is known, those in pixels take their places.
+    """
+    main = _MAIN.get(kind, ())
+    return main + tuple(_IN_PIXELS[name] for name in main if name in _IN_PIXELS)

@@ -1,5 +1,6 @@
 """Files of a campaign are refused, swept and replaced together."""
 
+import json
 import os
 import sqlite3
 from pathlib import Path
@@ -13,7 +14,8 @@ from pipelines.campaign.files import PUBLISHED, clip_key, refuse_occupied, stage
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State, WorkOrder
 from pipelines.campaign.results import read_lab_book, results_frame, write_tables
 from pipelines.measure.files import column_name
-from pipelines.measure.inputs import QUANTITY_UNITS
+from pipelines.measure.inputs import QUANTITY_UNITS, main_quantities
+from vision.tracks import MotionKind
 
 RESULTS = ["motion", "warnings", "state", "error", "excluded", "reason_cor"] + [
     column_name(name, unit) + std for name, unit in QUANTITY_UNITS.items() for std in ("", "_std")
@@ -202,3 +204,35 @@ def test_leftovers_of_a_killed_run_are_swept(tmp_path: Path) -> None:
 
 def test_an_empty_folder_is_not_occupied(tmp_path: Path) -> None:
     refuse_occupied(tmp_path)
+
+
+def strike_document() -> str:
+    quantities = {
+        name: {"value": 1.0, "std": 0.1, "unit": unit}
+        if name in ("cor", "ball_speed", "camera_distance")
+        else {"value": None, "unit": unit, "reason": "out of view"}
+        for name, unit in QUANTITY_UNITS.items()
+    }
+    return json.dumps({"quantities": quantities, "motion": {"kind": "strike"}})
+
+
+def test_the_main_quantities_come_first_and_the_rest_is_on_a_second_sheet(tmp_path: Path) -> None:
+    book_file = tmp_path / "trials.csv"
+    book_file.write_text("clip,remark\na.mp4,warm\n")
+    book = read_lab_book(book_file)
+    with Ledger(tmp_path) as ledger:
+        ledger.plan([WorkOrder("a.mp4", "a.mp4", "0", "0", "1")], retry_failed=False)
+        ledger.finish([AttemptOutcome("a.mp4", State.DONE, 1.0, strike_document())])
+        frame = results_frame(ledger.entries(), {"a.mp4": book.strikes[0]}, book, {})
+    main = [column_name(name, QUANTITY_UNITS[name]) for name in main_quantities(MotionKind.STRIKE)]
+    twelve = [head for name in main for head in (name, f"{name}_std")]
+    assert len(twelve) == 12
+    assert list(frame.columns[:14]) == ["clip", "remark", *twelve]
+    assert {name for name in RESULTS if name != "reason_cor"} <= {*frame.columns}
+    write_tables(frame, tmp_path)
+    sheets = pd.read_excel(tmp_path / "results.xlsx", sheet_name=None)
+    assert list(sheets) == ["results", "all columns"]
+    short = ["clip", "remark", "ball_speed_m_s", "ball_speed_m_s_std", "cor", "cor_std", "motion"]
+    assert list(sheets["results"].columns)[:7] == short
+    assert not [name for name in sheets["results"] if str(name).startswith("reason_")]
+    assert list(sheets["all columns"].columns) == list(pd.read_csv(tmp_path / "results.csv"))
