@@ -26,7 +26,7 @@ from pipelines.measure.chain import measure_clip
 from pipelines.measure.measurement import ClipMeasurement
 
 Pictures = list[NDArray[np.uint8]]
-CLOCK = ("contact_start", "contact_end", "landing_time")
+CLOCK = ("contact_start", "contact_end")
 RATE_BOUND = ("contact_frames",)
 NEAR, FAR = 2.0, 4.0
 

@@ -99,7 +99,7 @@ def as_written_down(case: Case, rng: np.random.Generator) -> Case:
 
 
 def true_quantities(truth: dict[str, Any], lab: dict[str, Any]) -> dict[str, float]:
-    """Quantities by their names in results; times count from the first frame."""
+    """Quantities by their names in results; start and end of contact count from the first frame."""
     contact, flight = truth["contact"], truth["flight"]
     started = contact["frame_on"] / truth["fps_true"]
     inertia = lab["pendulum"]["inertia_kg_m2"]
@@ -114,7 +114,7 @@ def true_quantities(truth: dict[str, Any], lab: dict[str, Any]) -> dict[str, flo
         "launch_angle": truth["launch_deg"],
         "landing_distance": flight["x_land_m"],
         "landing_distance_on_wall": truth["apparent_wall"]["displacement_x"],
-        "landing_time": started + flight["t_land_s"],
+        "landing_time": flight["t_land_s"],
         **dict.fromkeys(("cor_speeds", "cor_launch", "cor_range", "cor"), truth["COR"]),
         "external_impulse": lab["ball"]["mass_kg"] * truth["v_B_speed"],
         "energy_loss": 0.5 * inertia * (truth["omega0"] ** 2 - truth["omega1"] ** 2),

@@ -194,7 +194,7 @@ def _quantities(
         "launch_angle": (float(np.degrees(out.launch_angle)), "deg"),
         "landing_distance": (reach if in_view else None, "m"),
         "landing_distance_on_wall": (wall_reach if in_view else None, "m"),
-        "landing_time": (shot.landing_time - first if in_view else None, "s"),
+        "landing_time": (shot.landing_time if in_view else None, "s"),
         "cor_speeds": (float(out.cor), "1"),
         "cor_launch": (float(out.cor), "1"),
         "cor_range": (float(out.cor) if in_view else None, "1"),

@@ -382,7 +382,6 @@ def _followed_in(
         shift_px=scene.shifts(),
         motion=motion,
         reasons=_reasons(found),
-        maybe_shadow=_maybe_shadow(found.ball),
     )
     seen_at = fits if picture is not scene else _with_gaps(scene, fits)
     return tracks, scene, _track(seen_at, capture_fps)

@@ -342,8 +342,6 @@ class Tracks:
         The kind of motion.
     reasons : tuple of str
         Why `ball` was selected, in whole sentences.
-    maybe_shadow : bool
-        Whether `ball` may be a shadow: it attenuates the wall's light evenly.
     lacks : tuple of (int, int)
         Dropped frames that the time stamps do not show, detected from the flight: frame of the
         clip after which they are missing, and their number.
@@ -359,7 +357,6 @@ class Tracks:
     shift_px: FloatArray | None = None
     motion: Motion = Motion(MotionKind.NONE, 0.0)
     reasons: tuple[str, ...] = ()
-    maybe_shadow: bool = False
     lacks: tuple[tuple[int, int], ...] = ()
 
     def on_clock(self, clock: FloatArray) -> FloatArray:

@@ -78,6 +78,7 @@ DERIVED: dict[str, str] = {
     "external_impulse": "N s",
     "energy_loss": "J",
     "gravity": "m/s^2",
+    "landing_moment": "s",
     "landing_height": "m",
     "landing_distance_seen": "m",
     **OTHER_SPEEDS,
@@ -97,8 +98,8 @@ class _Shift:
         Of the swings.
     rest : (2,) array or None
         m.
-    lead : (1,) array or None
-        Of the face offset, m.
+    face : (2,) array or None
+        Of the face's offset at onset and release, m.
     landing : (1,) array or None
         Of the observed touch-down, along the flight, m.
     """
@@ -107,7 +108,7 @@ class _Shift:
     before: FloatArray | None = None
     after: FloatArray | None = None
     rest: FloatArray | None = None
-    face_offset: FloatArray | None = None
+    face: FloatArray | None = None
     landing: FloatArray | None = None
 
 
@@ -117,7 +118,7 @@ class _DrawnParts:
 
     flight: FlightFit
     view: ImpactView | None
-    face_offset: float
+    face: FloatArray
     rest: FloatArray
     landing_x: float | None
 
@@ -160,11 +161,10 @@ def _blocks(impact: Impact) -> list[tuple[Callable[[FloatArray], _Shift], FloatA
         (lambda step: _Shift(rest=step), np.diag(impact.tracks.rest_std_m**2)),
     ]
     if impact.view is not None and impact.contact is not None:
-        face_offset = np.array([[impact.contact.face_offset_std**2]])
         blocks += [
             (lambda step: _Shift(before=step), impact.view.before.fitted.covariance),
             (lambda step: _Shift(after=step), impact.view.after.fitted.covariance),
-            (lambda step: _Shift(face_offset=step), face_offset),
+            (lambda step: _Shift(face=step), impact.contact.face_covariance),
         ]
     if impact.landing is not None:
         spread = impact.landing.covariance[1:2, 1:2]
@@ -174,15 +174,15 @@ def _blocks(impact: Impact) -> list[tuple[Callable[[FloatArray], _Shift], FloatA
 
 def _shifted(impact: Impact, shift: _Shift) -> _DrawnParts:
     flight, view, rest = impact.flight, impact.view, impact.tracks.rest_m
-    face_offset = 0.0 if impact.contact is None else impact.contact.face_offset
+    face = np.zeros(2) if impact.contact is None else impact.contact.face
     landing_x = None if impact.landing is None else float(impact.landing.place_m[0])
     if shift.flight is not None:
         fitted = replace(flight.fitted, values=flight.fitted.values + shift.flight)
         flight = replace(flight, fitted=fitted)
     if shift.rest is not None:
         rest = rest + shift.rest
-    if shift.face_offset is not None:
-        face_offset += float(shift.face_offset[0])
+    if shift.face is not None:
+        face = face + shift.face
     if shift.landing is not None and landing_x is not None:
         landing_x += float(shift.landing[0])
     if view is not None:
@@ -193,7 +193,7 @@ def _shifted(impact: Impact, shift: _Shift) -> _DrawnParts:
             before=_moved_parts(view.before, shift.before),
             after=_moved_parts(view.after, shift.after),
         )
-    return _DrawnParts(flight, view, face_offset, rest, landing_x)
+    return _DrawnParts(flight, view, face, rest, landing_x)
 
 
 def _moved_parts(swing: SwingFit, step: FloatArray | None) -> SwingFit:
@@ -216,9 +216,7 @@ class _Strike:
         view, contact = self.parts.view, self.impact.contact
         if view is None or contact is None:
             return None
-        times = touch_times(
-            view, self.parts.face_offset, 0.5 * (contact.onset_s + contact.release_s)
-        )
+        times = touch_times(view, self.parts.face, 0.5 * (contact.onset_s + contact.release_s))
         return times if np.isfinite(times).all() else None
 
     @cached_property
@@ -429,7 +427,9 @@ _VALUES: dict[str, Callable[[_Strike], float]] = {
     "ball_speed": lambda s: float(np.hypot(*s.state[2:])),
     "launch_angle": lambda s: float(np.degrees(np.arctan2(s.state[3], s.state[2]))),
     "landing_distance": lambda s: s.of_landing(lambda _, there: float(there[0] - s.parts.rest[0])),
-    "landing_time": lambda s: s.of_landing(lambda landed, _: landed),
+    "landing_time": lambda s: (
+        np.nan if s.contact is None else s.of_landing(lambda landed, _: landed) - s.contact[0]
+    ),
     "cor_speeds": lambda s: s.of_swings(lambda w: w.cor(s.state, w.omega_after)),
     "cor_launch": lambda s: s.of_masses(lambda w, mass: w.cor_of(s.state, mass)),
     "cor_range": lambda s: s.of_masses(s.cor_range),
@@ -438,6 +438,7 @@ _VALUES: dict[str, Callable[[_Strike], float]] = {
     ),
     "energy_loss": lambda s: s.of_swings(lambda w: w.energy_loss),
     "gravity": lambda s: float(s.impact.free_flight.fitted.values[6]),
+    "landing_moment": lambda s: s.of_landing(lambda landed, _: landed),
     "landing_height": lambda s: s.of_landing(lambda _, there: float(there[1])),
     "landing_distance_seen": lambda s: s.distance_seen,
     "ball_speed_per_frame": lambda s: s.per_frame,

@@ -17,6 +17,7 @@ from metrology.quantity import format_quantity
 from pipelines.measure.impact import Impact, arm_along_bar, gap_after, gap_before
 from pipelines.measure.inputs import QuantityName, kinds_of, main_quantities
 from pipelines.measure.measurement import ClipMeasurement, alternative_kinds
+from pipelines.measure.results import MAX_LANDING_GAP_S
 from pipelines.report import (
     Curve,
     GapRecord,
@@ -387,15 +388,8 @@ def overlay_marks(measured: ClipMeasurement) -> OverlayMarks:
     landing = measured.quantity("landing_distance")
     calibration = measured.calibration
     if landing.value is not None and calibration is not None and impact is not None:
-        rest = impact.tracks.rest_m
-        landed = impact.flight.states(np.array([measured.quantity("landing_time").value]))[0]
-        spot = np.array(
-            [
-                impact.tracks.direction * (rest[0] + landing.value),
-                landed[1],
-                calibration.ball_plane_offset,
-            ]
-        )
+        x, y = _landing_spot(impact, landing.value)
+        spot = np.array([impact.tracks.direction * x, y, calibration.ball_plane_offset])
         marks = replace(marks, landing_px=calibration.camera.project(spot))
     return marks
 
@@ -460,14 +454,16 @@ def _gap(measured: ClipMeasurement, impact: Impact) -> GapRecord | None:
     )
     phi, std = tracks.swing_rad[seen][at], tracks.swing_std_rad[seen][at]
     arm = tracks.ball_m[ball_at] - view.pivot
-    gap = arm[:, 0] * np.cos(phi) + arm[:, 1] * np.sin(phi) - view.radius - contact.face_offset
+    gap = arm[:, 0] * np.cos(phi) + arm[:, 1] * np.sin(phi) - view.radius
+    middle = 0.5 * (contact.onset_s + contact.release_s)
+    gap -= np.where(common < middle, *contact.face)
     reach = np.hypot(*arm.T)
     spread = np.hypot(std * reach, np.sqrt(tracks.ball_cov_m2[ball_at, 0, 0]))
     before = np.linspace(start, contact.onset_s + 0.003, 40)
     after = np.linspace(contact.release_s - 0.003, end, 40)
     fits = (
-        Curve(before, gap_before(view, before) - contact.face_offset, "before contact"),
-        Curve(after, gap_after(view, after) - contact.face_offset, "after contact"),
+        Curve(before, gap_before(view, before) - contact.face[0], "before contact"),
+        Curve(after, gap_after(view, after) - contact.face[1], "after contact"),
     )
     moments = [
         Moment(at, measured.quantity(name).std or 0.0)
@@ -520,6 +516,14 @@ def _frame_speed(
     return SpeedRecord(label, middle[near], speed[near], std[near])
 
 
+def _landing_spot(impact: Impact, distance: float) -> tuple[float, float]:
+    """The ball's centre where it lands, `distance` from its rest: (x, y) in the ball plane, m."""
+    flight, x = impact.flight, float(impact.tracks.rest_m[0]) + distance
+    drawn_s = np.linspace(flight.reference_s, impact.last_flight_s + MAX_LANDING_GAP_S, 500)
+    states = flight.states(drawn_s)
+    return x, float(np.interp(x, states[:, 0], states[:, 1]))
+
+
 def _path(measured: ClipMeasurement, impact: Impact) -> PathRecord:
     tracks, flight = impact.tracks, impact.flight
     std = np.sqrt(np.diagonal(tracks.ball_cov_m2, axis1=1, axis2=2))
@@ -529,9 +533,7 @@ def _path(measured: ClipMeasurement, impact: Impact) -> PathRecord:
     landing = measured.quantity("landing_distance")
     spot = None
     if landing.value is not None:
-        fall = measured.quantity("landing_time").value
-        height = float(flight.states(np.array([fall]))[0, 1])
-        spot = (float(tracks.rest_m[0]) + landing.value, height)
+        spot = _landing_spot(impact, landing.value)
     return PathRecord(
         tracks.ball_time_s,
         tracks.ball_m[:, 0],

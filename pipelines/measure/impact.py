@@ -7,11 +7,13 @@ ball's motion during the push does: a longer contact rounds the corner between r
 Also here: the position of the face of the mass, and the contact of two balls or pucks.
 """
 
+import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum, auto
-from functools import lru_cache
+from functools import cache, lru_cache
+from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -30,8 +32,8 @@ from pipelines.measure.flight_fit import (
     fit_flight,
     fit_swing,
     flight_end,
+    flight_whitening,
     landing_seen,
-    slow_error_whitening,
 )
 from pipelines.measure.inputs import Inputs
 from pipelines.measure.metres import MetricTracks
@@ -59,6 +61,7 @@ __all__ = [
     "touch_times",
 ]
 
+BoolArray = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]
 
 _PULSE_SAMPLES = 201
@@ -173,11 +176,20 @@ it."""
 # Deviation of the ball's path from the pulse, over speed gained × Δt (chosen).
 PULSE_SHAPE_STD = 0.003
 
-_MIN_OFFSETS, _MAX_OFFSETS = 19, 101
-"""Minimum and maximum number of face offsets on the grid (chosen)."""
+_SEARCH_S = 0.06
+"""s on each side of a time near the contact in which the two meet (derived: longest contact)."""
 
-_OFFSET_STEP_M = 2.5e-3
-"""m, grid step of the face offset (derived: the mass moves as far in half a frame at 600 fps)."""
+_FINE_TIMES = 32
+"""Onsets and releases of the fine grid (derived: eight to a standard uncertainty)."""
+
+_REFINEMENTS = 2
+"""Finer grids (derived: each is finer by eight, and half a frame over 64 is below any std)."""
+
+_NEGLIGIBLE = 20.0
+"""Cost above the least at which a contact has no weight (derived: probability of 5e-5)."""
+
+_TICK_S = 1e-5
+"""s over which a gap's speed is taken (derived: short against any contact)."""
 
 _EXPONENTS = np.linspace(1.1, 1.5, 4)
 """Exponents of the force law in the grid (chosen: `EXPONENT` ± 1.7 `EXPONENT_STD`)."""
@@ -190,8 +202,12 @@ _CROSSING_SAMPLES = 6
 BOUND_RELATIVE_STD = 0.05
 """Relative std of the upper bound of contact times (chosen; damping adds some per cent)."""
 
-MAX_BOUND_MISFIT = 9.0
-"""Loss of twice the log-likelihood at which the bound rejects the data (convention: 3 sigma)."""
+_IMPOSSIBLE = 0.0027
+"""Probability of the seen face below which no contact of the ball is possible (convention: 3
+sigma)."""
+
+_MIN_TRAVEL_M = 1e-6
+"""m, least travel until release (numerical)."""
 
 _MIN_CONTACT_S = 1e-4
 """s, minimum duration of a fitted contact (steel on steel; a pulse needs a length)."""
@@ -211,26 +227,33 @@ class FaceHypothesis:
         m.
     fraction : float
         Prior probability of the hypothesis.
-    search_range : float
-        Search range, in standard uncertainties.
     """
 
     lead: float
     std: float
     fraction: float = 1.0
-    search_range: float = 3.0
 
-    @property
-    def offsets(self) -> FloatArray:
-        """Grid of leads, m."""
-        fine = math.ceil(min(2.0 * self.search_range * self.std / _OFFSET_STEP_M, _MAX_OFFSETS))
-        tried = np.linspace(-self.search_range, self.search_range, max(_MIN_OFFSETS, fine))
-        return self.lead + self.std * tried
+    def density(self, lead: FloatArray) -> FloatArray:
+        """Prior density at leads, 1/m."""
+        off = (lead - self.lead) / self.std
+        return np.asarray(
+            self.fraction * np.exp(-0.5 * off**2) / (self.std * math.sqrt(2.0 * math.pi))
+        )
 
-    def prior_penalty(self, offsets: FloatArray) -> FloatArray:
-        """Twice the negative log prior of each lead of an even grid, without a constant."""
-        step = (offsets[1] - offsets[0]) / self.std
-        return ((offsets - self.lead) / self.std) ** 2 - 2.0 * math.log(self.fraction * step)
+    def blurred(self, resolution: float) -> "FaceHypothesis":
+        """The same seen through a grid whose points are `resolution` apart, m."""
+        return replace(self, std=math.hypot(self.std, 0.5 * resolution))
+
+
+@cache
+def face_prior() -> dict[str, dict[str, float]]:
+    """Where the face is beside where it was seen, fitted by `training.fit_contact`, ball radii."""
+    text = resources.files("pipelines.measure").joinpath("face_prior.json").read_text("utf-8")
+    return {
+        part: {name: fitted["value"] for name, fitted in values.items()}
+        for part, values in json.loads(text).items()
+        if isinstance(values, dict)
+    }
 
 
 class FaceEvidence(Enum):
@@ -258,8 +281,8 @@ class ImpactView:
     radius : float
         Ball's radius.
     time_s, position_m, std_m : (M,), (M, 2), (M,) arrays
-        Ball's outline in the frames around contact.
-        Observed centre of the ball's outline around contact.
+        Observed centre of the ball's outline in the frames around contact, and its std along the
+        flight.
         Pendulum's angle in the frames around contact.
     face_offset, face_offset_std : float
         Lead of the face over the line from pivot to mass.
@@ -283,9 +306,6 @@ class ImpactView:
     time_s: FloatArray
     position_m: FloatArray
     std_m: FloatArray
-    swing_time_s: FloatArray
-    swing_rad: FloatArray
-    swing_std_rad: FloatArray
     face_offset: float
     face_offset_std: float
     longest_s: float = math.inf
@@ -302,8 +322,10 @@ class ContactFit:
     ----------
     onset_s, release_s : float
         First and last touch, s from the first frame.
-    face_offset, face_offset_std : float
-        Fitted offset of the face, m.
+    face : (2,) array
+        Fitted offset of the face at onset and at release, m.
+    face_covariance : (2, 2) array
+        m².
     exponent : float
         Exponent of the contact law that the fit preferred.
     residuals : (M,) array
@@ -312,8 +334,8 @@ class ContactFit:
 
     onset_s: float
     release_s: float
-    face_offset: float
-    face_offset_std: float
+    face: FloatArray
+    face_covariance: FloatArray
     exponent: float
     residuals: FloatArray
 
@@ -355,71 +377,174 @@ def fit_contact(view: ImpactView, around_s: float, *, check_bound: bool = True) 
     NoFitError
         If they separate before they meet: one of the two paths is wrong.
     """
-    left_over = 1.0 - sum(one.fraction for one in view.face_alternatives)
-    hypotheses = (
-        FaceHypothesis(view.face_offset, view.face_offset_std, left_over),
-        *view.face_alternatives,
-    )
-    offsets = np.concatenate([one.offsets for one in hypotheses])
-    whitening = _Whitening(
-        slow_error_whitening(view.time_s, offset=True),
-        slow_error_whitening(view.swing_time_s, offset=True),
-    )
-    gaps = _Gaps.of(view, around_s)
-    tried = _candidates(view, whitening, gaps, offsets)
-    if tried is None:
-        raise NotFoundError(
-            "the paths of the mass and the ball never meet",
-            hint="Check --ball-at and --mass-at, or film square to the plane of the swing.",
-        )
-    prior = np.concatenate([one.prior_penalty(one.offsets) for one in hypotheses])
-    cost, beyond = np.full((2, len(offsets)), np.inf)
-    beyond[tried.place] = _bound_penalty(tried.lasting_s, view)
-    if check_bound and float((prior + beyond).min()) > float(prior.min()) + MAX_BOUND_MISFIT:
-        # the face was not seen where any contact of the ball would need it
-        nearest = int(np.argmin(prior[tried.place]))
-        raise _no_contact(float(tried.lasting_s[nearest]), view)
-    likely = int(np.argmin(tried.cost(1.0) + beyond[tried.place]))
-    left = tried.left[:, likely]
-    widened = max(1.0, float(np.mean(np.minimum(left**2, 9.0))))
-    cost[tried.place] = tried.cost(widened)
-    cost += prior
-    unbound, _ = _mean_and_std(cost, offsets)
-    face_offset, std = _mean_and_std(cost + beyond, offsets)
+    whitening = flight_whitening(view.time_s)
+    fine = _every_contact(view, around_s)
+    prior = _prior(view, fine)
+    if not np.isfinite(prior).any():
+        raise _no_contact(math.nan, view)
+    if check_bound:
+        _require_possible(view, fine, prior, around_s)
+    fine = fine.at(prior < prior.min() + _NEGLIGIBLE)
+    for _ in range(_REFINEMENTS):
+        fine = _every_contact(view, around_s, fine.at(_posterior(view, whitening, fine).likely))
+    found = _posterior(view, whitening, fine)
+    face, covariance = _mean_and_covariance(found.cost + found.beyond, fine.face)
     # the shift by the bound is unexplained, so it counts as uncertainty
-    std = math.hypot(std, unbound - face_offset)
-    at_mean = _candidates(view, whitening, gaps, np.array([face_offset]))
-    found, row = (tried, likely) if at_mean is None else (at_mean, 0)
-    return ContactFit(
-        float(found.onset_s[row]),
-        float(found.release_s[row]),
-        face_offset,
-        std,
-        float(found.exponent[row]),
-        found.left[:, row],
+    unbound, _ = _mean_and_covariance(found.cost, fine.face)
+    covariance += np.outer(unbound - face, unbound - face)
+    onset, release = touch_times(view, face, around_s)
+    best = int(np.argmin(found.cost + found.beyond))
+    if not np.isfinite([onset, release]).all():
+        onset, release = float(fine.onset_s[best]), float(fine.release_s[best])
+    exponent, left = float(found.fit.exponent[best]), found.fit.left[:, best]
+    return ContactFit(onset, release, face, covariance, exponent, left)
+
+
+@dataclass(frozen=True)
+class _Contacts:
+    """Contacts to try, on an even grid of onset and release (N,), s.
+
+    They imply the offset of the face at both (N, 2), m. Neighbours are `step_s` apart, by which the
+    face moves by `resolution` (2,), m.
+    """
+
+    onset_s: FloatArray
+    release_s: FloatArray
+    face: FloatArray
+    log_speeds: FloatArray
+    step_s: tuple[float, float]
+    resolution: FloatArray
+
+    @classmethod
+    def of(
+        cls, view: ImpactView, onset: FloatArray, release: FloatArray, step_s: tuple[float, float]
+    ) -> "_Contacts":
+        """Those at whose onset the gap closes, and at whose release it opens."""
+        face, speeds = np.empty((2, 2, len(onset)))
+        for side, (gap, time) in enumerate(((gap_before, onset), (gap_after, release))):
+            face[side] = gap(view, time)
+            speeds[side] = (gap(view, time + _TICK_S) - face[side]) / _TICK_S
+        meet = (speeds[0] < 0.0) & (speeds[1] > 0.0)
+        usual = np.abs(np.median(speeds, axis=1)) if len(onset) else np.zeros(2)
+        weight = np.log(np.abs(np.where(meet, speeds, 1.0))).sum(axis=0)
+        return cls(onset, release, face.T, weight, step_s, usual * np.array(step_s)).at(meet)
+
+    def at(self, chosen: BoolArray) -> "_Contacts":
+        return replace(
+            self,
+            onset_s=self.onset_s[chosen],
+            release_s=self.release_s[chosen],
+            face=self.face[chosen],
+            log_speeds=self.log_speeds[chosen],
+        )
+
+
+def _every_contact(view: ImpactView, around_s: float, within: _Contacts | None = None) -> _Contacts:
+    """Contacts whose impulse can have moved the ball from rest to its flight, on an even grid.
+
+    `within` narrows the grid to the times of its contacts.
+    """
+    half_frame_s = 0.5 * float(np.median(np.diff(view.flight.time_s)))
+    if within is None or len(within.onset_s) == 0:
+        times = np.arange(-_SEARCH_S, _SEARCH_S, half_frame_s) + around_s
+        sides = [times, times]
+    else:
+        near = zip((within.onset_s, within.release_s), within.step_s, strict=True)
+        sides = [np.linspace(at.min() - step, at.max() + step, _FINE_TIMES) for at, step in near]
+    onset, release = (side.ravel() for side in np.meshgrid(*sides, indexing="ij"))
+    lasts = release - onset >= _MIN_CONTACT_S
+    onset, release = onset[lasts], release[lasts]
+    cor = _Ends.of(view, onset, release).implied_cor
+    possible = (cor > -0.5) & (cor < 1.5)
+    step_s = (float(sides[0][1] - sides[0][0]), float(sides[1][1] - sides[1][0]))
+    return _Contacts.of(view, onset[possible], release[possible], step_s)
+
+
+def _prior(view: ImpactView, tried: _Contacts) -> FloatArray:
+    """Twice the negative log prior density of contacts, without a constant, (N,).
+
+    What is narrower than the grid is widened to it, so that it is not missed between two contacts.
+    """
+    left_over = 1.0 - sum(one.fraction for one in view.face_alternatives)
+    seen = FaceHypothesis(view.face_offset, view.face_offset_std, left_over)
+    at_onset = sum(
+        one.blurred(tried.resolution[0]).density(tried.face[:, 0])
+        for one in (seen, *view.face_alternatives)
     )
+    moved = tried.face[:, 1] - tried.face[:, 0]
+    track = face_prior()["parting"]
+    parting = sum(
+        FaceHypothesis(0.0, track[f"{name}_std_radii"] * view.radius, fraction)
+        .blurred(float(np.hypot(*tried.resolution)))
+        .density(moved)
+        for name, fraction in (
+            ("holding", 1.0 - track["fraction"]),
+            ("slipping", track["fraction"]),
+        )
+    )
+    with np.errstate(divide="ignore"):
+        return np.asarray(-2.0 * (np.log(at_onset) + np.log(parting) + tried.log_speeds))
 
 
-def _mean_and_std(cost: FloatArray, offsets: FloatArray) -> tuple[float, float]:
-    """Mean and standard deviation of the face offset for given costs (-2 log posterior)."""
+def _require_possible(
+    view: ImpactView, tried: _Contacts, prior: FloatArray, around_s: float
+) -> None:
+    """Refuse a face that was not seen where any contact of the ball would need it."""
+    lasting = tried.release_s - tried.onset_s
+    cost = prior + _bound_penalty(lasting, view)
+    probability = float(np.exp(-0.5 * cost).sum()) * math.prod(tried.step_s)
+    if probability > _IMPOSSIBLE:
+        return
+    onset, release = touch_times(view, view.face_offset, around_s)
+    raise _no_contact(release - onset, view)
+
+
+@dataclass(frozen=True)
+class _Posterior:
+    """Costs of contacts (N,), that of the bound aside, and their fits."""
+
+    fit: "_Candidates"
+    cost: FloatArray
+    beyond: FloatArray
+
+    @property
+    def likely(self) -> BoolArray:
+        total = self.cost + self.beyond
+        return np.asarray(total < total.min() + _NEGLIGIBLE)
+
+
+def _posterior(view: ImpactView, whitening: "_Whitening", tried: _Contacts) -> _Posterior:
+    fit = _candidates(view, whitening, tried.onset_s, tried.release_s)
+    beyond = _bound_penalty(tried.release_s - tried.onset_s, view)
+    # a duration of which nothing is known may be of any size: even in its logarithm
+    prior = _prior(view, tried) + 2.0 * np.log(tried.release_s - tried.onset_s)
+    left = fit.left[:, int(np.argmin(fit.cost(1.0) + prior + beyond))]
+    widened = max(1.0, float(np.mean(np.minimum(left**2, 9.0))))
+    return _Posterior(fit, fit.cost(widened) + prior, beyond)
+
+
+def _mean_and_covariance(cost: FloatArray, face: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean (2,) and covariance (2, 2) of the face offsets for given costs (-2 log posterior)."""
     fraction = np.exp(-0.5 * (cost - cost.min()))
     fraction /= fraction.sum()
-    mean = float(fraction @ offsets)
-    return mean, float(np.sqrt(fraction @ (offsets - mean) ** 2))
+    mean = fraction @ face
+    off = face - mean
+    return mean, np.einsum("n,ni,nj->ij", fraction, off, off)
 
 
 def _bound_penalty(lasting_s: FloatArray, view: ImpactView) -> FloatArray:
-    """Penalty of contacts longer than the ball allows, or with release before onset.
-
-    Onset and release are each known to a frame at worst.
-    """
-    frame_s = float(np.median(np.diff(view.flight.time_s)))
+    """Penalty of contacts longer than the ball allows."""
     over = np.maximum(lasting_s / view.longest_s - 1.0, 0.0) / BOUND_RELATIVE_STD
-    return np.asarray(over**2 + np.minimum(lasting_s / frame_s, 0.0) ** 2)
+    return np.asarray(over**2)
 
 
 def _no_contact(lasting_s: float, view: ImpactView) -> MeasurementError:
     lasts = 1e3 * lasting_s
+    if math.isnan(lasts):
+        return NotFoundError(
+            "the paths of the mass and the ball never meet",
+            hint="Check --ball-at and --mass-at, or film square to the plane of the swing.",
+        )
     if lasts < 0.0:
         return NoFitError(
             f"the mass separates from the ball {-lasts:.0f} ms before it meets it: wrong objects "
@@ -434,38 +559,23 @@ def _no_contact(lasting_s: float, view: ImpactView) -> MeasurementError:
     )
 
 
-@dataclass(frozen=True)
-class _Whitening:
-    """Whitening of the standardised residuals of ball and mass."""
-
-    ball: Callable[[FloatArray], FloatArray]
-    mass: Callable[[FloatArray], FloatArray]
+_Whitening = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
 class _Candidates:
-    """Face offsets at which the two meet (M,), the implied contacts, and their fit.
+    """Fits of contacts to the paths of ball and mass.
 
     Attributes
     ----------
-    place : (M,) int array
-        Index into the offsets.
-    onset_s, release_s : (M,) arrays
-        Of the fitted contact, which lasts at least 0.1 ms.
-    lasting_s : (M,) array
-        Onset to release; negative if release comes first.
-    exponent : (M,) array
+    exponent : (N,) array
         The most probable.
-    left : (R, M) array
+    left : (R, N) array
         Whitened residuals.
-    priors : (M,) array
+    priors : (N,) array
         Prior cost of exponent and outline lag.
     """
 
-    place: NDArray[np.int64]
-    onset_s: FloatArray
-    release_s: FloatArray
-    lasting_s: FloatArray
     exponent: FloatArray
     left: FloatArray
     priors: FloatArray
@@ -482,39 +592,29 @@ def _robust(left: FloatArray) -> FloatArray:
 
 
 def _candidates(
-    view: ImpactView, whitening: _Whitening, gaps: "_Gaps", offsets: FloatArray
-) -> _Candidates | None:
-    """Best exponent for each offset, with the outline lag solved for; None if they never meet."""
-    onset, release = gaps.touches(offsets)
-    meet = np.isfinite(onset) & np.isfinite(release)
-    if not meet.any():
-        return None
-    lasting = (release - onset)[meet]
-    ends = _Ends.of(view, onset[meet], onset[meet] + np.maximum(lasting, _MIN_CONTACT_S))
-    left, per_lag = _path_residuals(view, whitening, ends)
+    view: ImpactView, whitening: _Whitening, onset: FloatArray, release: FloatArray
+) -> _Candidates:
+    """Best exponent for each contact, with the outline lag solved for."""
+    left, per_lag = _path_residuals(view, whitening, _Ends.of(view, onset, release))
     left = left - OUTLINE_AHEAD * per_lag
     lag = (per_lag * left).sum(axis=0) / ((per_lag**2).sum(axis=0) + OUTLINE_AHEAD_STD**-2)
     left = left - lag * per_lag
     priors = ((_EXPONENTS - EXPONENT) / EXPONENT_STD) ** 2 + (lag / OUTLINE_AHEAD_STD) ** 2
     best = np.argmin(_robust(left) + priors, axis=1)
     every = np.arange(len(best))
-    return _Candidates(
-        np.flatnonzero(meet),
-        ends.onset_s,
-        ends.onset_s + ends.duration,
-        lasting,
-        _EXPONENTS[best],
-        left[:, every, best],
-        priors[every, best],
-    )
+    return _Candidates(_EXPONENTS[best], left[:, every, best], priors[every, best])
 
 
-def touch_times(view: ImpactView, face_offset: float, around_s: float) -> tuple[float, float]:
-    """Onset and release for a face offset, s; NaN if they never meet.
+def touch_times(view: ImpactView, face: float | FloatArray, around_s: float) -> tuple[float, float]:
+    """Onset and release for a face's offset, (2,) at onset and release or one for both, s.
 
-    For a contact too short for the frame rate release may come before onset.
+    NaN if they never meet. For a contact too short for the frame rate release may come before
+    onset.
     """
-    onset, release = _Gaps.of(view, around_s).touches(np.array([face_offset]))
+    time = around_s + np.linspace(-_SEARCH_S, _SEARCH_S, 121)
+    at_onset, at_release = np.broadcast_to(face, 2)
+    onset = _crossings(time, (gap_before(view, time) - at_onset)[np.newaxis])
+    release = _crossings(time, (at_release - gap_after(view, time))[np.newaxis])
     return float(onset[0]), float(release[0])
 
 
@@ -543,27 +643,6 @@ def arm_along_bar(arm: FloatArray, phi: ArrayLike) -> Any:
     return arm[0] * np.sin(phi) - arm[1] * np.cos(phi)
 
 
-@dataclass(frozen=True)
-class _Gaps:
-    """Distance from the bar's line to the ball before and after contact (T,), m, at times in s."""
-
-    time_s: FloatArray
-    closing: FloatArray
-    opening: FloatArray
-
-    @classmethod
-    def of(cls, view: ImpactView, around_s: float) -> "_Gaps":
-        time = around_s + np.linspace(-0.06, 0.06, 121)
-        return cls(time, gap_before(view, time), gap_after(view, time))
-
-    def touches(self, offsets: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Onset and release (L,) for face offsets (L,), s; NaN if there is none."""
-        face = offsets[:, np.newaxis]
-        return _crossings(self.time_s, self.closing - face), _crossings(
-            self.time_s, face - self.opening
-        )
-
-
 def _crossings(time_s: FloatArray, gap: FloatArray) -> FloatArray:
     """First downward zero crossing of gaps (L, T), from a local cubic, s; NaN if there is none."""
     falls = (gap[:, :-1] > 0) & (gap[:, 1:] <= 0)
@@ -587,6 +666,7 @@ class _Ends:
     duration: FloatArray
     normal: FloatArray
     speed: FloatArray
+    implied_cor: FloatArray
     cor: FloatArray
     approach: FloatArray
     by_speeds: FloatArray
@@ -595,9 +675,10 @@ class _Ends:
     def of(cls, view: ImpactView, onset: FloatArray, release: FloatArray) -> "_Ends":
         duration = release - onset
         state = view.flight.states(release)
-        normal = state[:, :2] - view.rest
-        travel = np.hypot(*normal.T)
-        speed = (state[:, 2:] * normal).sum(axis=-1) / travel
+        # the push turns the ball's way by less than its own noise turns a way of millimetres
+        speed = np.hypot(*state[:, 2:].T)
+        normal = state[:, 2:] / speed[:, np.newaxis]
+        travel = np.maximum(((state[:, :2] - view.rest) * normal).sum(axis=-1), _MIN_TRAVEL_M)
         # the centroid of the impulse puts the path length at release at v Δt / (1 + e)
         cor = speed * duration / travel - 1.0
         approach, parting = _face_speeds(view, onset, release)
@@ -605,8 +686,9 @@ class _Ends:
         return cls(
             onset,
             duration,
-            normal / travel[:, np.newaxis],
+            normal,
             speed,
+            cor,
             np.clip(cor, 0.2, 0.999),
             approach,
             by_speeds,
@@ -616,7 +698,7 @@ class _Ends:
 def _path_residuals(
     view: ImpactView, whitening: _Whitening, ends: _Ends
 ) -> tuple[FloatArray, FloatArray]:
-    """Whitened residuals of ball, pendulum and COR, and their change per unit of outline lag.
+    """Whitened residuals of ball and COR, and their change per unit of outline lag.
 
     Both (R, L, E) for L contacts and E exponents.
     """
@@ -625,18 +707,13 @@ def _path_residuals(
     phase = (view.time_s[:, np.newaxis] - ends.onset_s) / ends.duration
     path = duration * pulses.path_length(phase)
     lagging = pulses.at(phase, pulses.compression) * (ends.approach * ends.duration)[:, np.newaxis]
-    swung = duration * pulses.path_length(
-        (view.swing_time_s[:, np.newaxis] - ends.onset_s) / ends.duration
-    )
     moved = (view.position_m - view.rest) @ ends.normal.T
     std = np.hypot(view.std_m[:, np.newaxis], PULSE_SHAPE_STD * ends.speed * ends.duration)
     off = (moved[..., np.newaxis] - path * ends.speed[:, np.newaxis]) / std[..., np.newaxis]
-    ball = whitening.ball(off)
-    held = whitening.mass(_pendulum_lag(view, ends, swung))
     speeds = np.broadcast_to(ends.by_speeds[:, np.newaxis], (1, *path.shape[1:]))
-    left = np.concatenate([ball, held, speeds])
+    left = np.concatenate([whitening(off), speeds])
     per_lag = np.zeros_like(left)
-    per_lag[: len(view.time_s)] = whitening.ball(lagging / std[..., np.newaxis])
+    per_lag[:-1] = whitening(lagging / std[..., np.newaxis])
     return left, per_lag
 
 
@@ -676,22 +753,6 @@ def _pulses_of(cor: float) -> tuple[FloatArray, FloatArray]:
     return np.array([one.compression for one in pulses]), np.array([one.path for one in pulses])
 
 
-def _pendulum_lag(view: ImpactView, ends: _Ends, swung: FloatArray) -> FloatArray:
-    """Residuals of the pendulum's lag behind its free swing: the ball's path times the mass ratio.
-
-    Unlike the ball's outline, the mass keeps its shape.
-    """
-    release = ends.onset_s + ends.duration
-    slowed = view.before.states(release)[1] - view.after.states(release)[1]
-    behind = view.before.angles(view.swing_time_s) - view.swing_rad
-    chi2 = view.before.fitted.chi2_per_dof
-    factor = max(view.before.noise_factor, view.after.noise_factor)
-    noise = factor * math.sqrt(chi2) * view.swing_std_rad
-    std = np.hypot(noise[:, np.newaxis], PULSE_SHAPE_STD * slowed * ends.duration)
-    off = behind[:, np.newaxis, np.newaxis] - slowed[:, np.newaxis] * swung
-    return np.asarray(off / std[..., np.newaxis])
-
-
 UNKNOWN_SLANT = 0.25
 """Slope of the line of sight from a camera of unknown position (assumed)."""
 
@@ -729,13 +790,6 @@ and the bar moves during contact)."""
 _MAX_ARM_DIFFERENCE = 0.1
 """Relative difference of arm lengths beyond which it is another apparatus (chosen; in path-traced
 scenes the rms error of the arm is 0.05 where the ball gives the scale)."""
-
-OTHER_PART_PROBABILITY, OTHER_PART_STD_RADII = 0.1, 0.25
-"""Probability that the observed face is another part of the mass (fitted: 8 of 37 path-traced
-scenes, shadowed bobs or hidden rims), and its std in ball radii."""
-
-MAX_OTHER_PART_RADII = 0.4
-"""Maximum distance of such a part from the face, ball radii (assumed)."""
 
 _MAX_ESTIMATE_DIFFERENCE = 3.0
 """Standard deviations between two estimates beyond which one of them is wrong (convention)."""
@@ -841,8 +895,9 @@ def offset_of_face(
 
 def _other_part(seen: float, seen_std: float, radius: float) -> FaceHypothesis:
     """Hypothesis that the observed face is another part of the mass."""
-    std = math.hypot(seen_std, OTHER_PART_STD_RADII * radius)
-    return FaceHypothesis(seen, std, OTHER_PART_PROBABILITY, MAX_OTHER_PART_RADII * radius / std)
+    prior = face_prior()["other_part"]
+    std = math.hypot(seen_std, prior["std_radii"] * radius)
+    return FaceHypothesis(seen, std, prior["fraction"])
 
 
 def _arm_as_presets(arm: FloatArray, phi: float) -> bool:
@@ -920,8 +975,6 @@ def _half_thickness(inputs: Inputs) -> float:
     """Half the thickness of a steel cube of the pendulum's mass, m."""
     return float(0.5 * (inputs.pendulum.mass / STEEL) ** (1.0 / 3.0))
 
-
-BoolArray = NDArray[np.bool_]
 
 UNSEEN_HALF_CONTACT_S, UNSEEN_HALF_CONTACT_STD_S = 0.006, 0.003
 """s, middle to end of an unseen contact and its std (inflated balls: 10 to 20 ms)."""
@@ -1272,7 +1325,6 @@ class _Frames:
     release: float
     swing_before: BoolArray
     swing_after: BoolArray
-    swing_near: BoolArray
     ball_near: BoolArray
 
     @classmethod
@@ -1284,7 +1336,6 @@ class _Frames:
             release,
             (time < onset) & (time > onset - SWING_STRETCH_S),
             (time > release) & (time < release + SWING_STRETCH_S),
-            (time > begin) & (time < end),
             (ball > begin) & (ball < end),
         )
 
@@ -1314,7 +1365,9 @@ def _view(
     radius = tracks.radius_m if inputs.ball is None else 0.5 * inputs.ball.diameter
     if moved_from is not None:
         evidence = moved_from.face_evidence
-    near, swinging = frames.ball_near, frames.swing_near
+    near = frames.ball_near
+    velocity = flight.states(np.array([frames.release]))[0, 2:]
+    way = velocity / np.hypot(*velocity)
     before = swing(frames.swing_before, frames.onset, moved_from.before if moved_from else None)
     pivot = pivot_in_plane(tracks, inputs)
     view = ImpactView(
@@ -1327,10 +1380,7 @@ def _view(
         radius=radius,
         time_s=tracks.ball_time_s[near],
         position_m=tracks.ball_m[near],
-        std_m=np.sqrt(0.5 * np.trace(tracks.ball_cov_m2[near], axis1=1, axis2=2)),
-        swing_time_s=time[swinging],
-        swing_rad=tracks.swing_rad[swinging],
-        swing_std_rad=tracks.swing_std_rad[swinging],
+        std_m=np.sqrt(np.einsum("i,nij,j->n", way, tracks.ball_cov_m2[near], way)),
         face_offset=0.0,
         face_offset_std=math.inf,
         longest_s=_longest_contact(inputs, radius),

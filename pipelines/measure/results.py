@@ -95,10 +95,6 @@ _DEPTHS = (
 _UNRESOLVED = (
     "the contact is not resolved: within the noise of their paths mass and ball may never meet"
 )
-_MAYBE_SHADOW = (
-    "the tracked object attenuates the wall's light uniformly, as a shadow does: point at the ball"
-    " with --ball-at X,Y,FRAME"
-)
 NO_CLOCK = (
     "the capture rate is unknown and can't be estimated from free fall:"
     " give it with --fps RATE, or capture_fps in the setup file"
@@ -116,12 +112,13 @@ _CHECKED = frozenset(
 """Derived values compared by checks that may widen or withhold any quantity of a strike."""
 
 _DERIVED_FROM: dict[str, frozenset[str]] = {
-    QuantityName.LANDING_DISTANCE: frozenset({"landing_time"}),
+    QuantityName.LANDING_DISTANCE: frozenset({"landing_moment"}),
+    QuantityName.LANDING_TIME: frozenset({"landing_moment"}),
     QuantityName.LANDING_DISTANCE_ON_WALL: frozenset(
-        {"landing_distance", "landing_height", "landing_time"}
+        {"landing_distance", "landing_height", "landing_moment"}
     ),
     # the estimates of one coefficient are compared with each other
-    **dict.fromkeys(COR, frozenset({*ESTIMATES, "landing_time", "landing_distance_seen"})),
+    **dict.fromkeys(COR, frozenset({*ESTIMATES, "landing_moment", "landing_distance_seen"})),
 }
 """Derived values that a quantity needs in addition to that of its own name."""
 
@@ -244,12 +241,6 @@ def results_of(
     checks += motion.checks
     gravity = motion.gravity or gravity
     found |= motion.quantities
-    if tracks.maybe_shadow:
-        found = {name: _of_a_shadow(item) for name, item in found.items()}
-        other_speeds = tuple(_of_a_shadow(item) for item in other_speeds)
-        gravity = _of_a_shadow(gravity)
-        # checks of a shadow say nothing about the ball
-        checks = []
     if tracks.motion.measured_as is MotionKind.NONE:
         gravity = Quantity.missing(
             gravity.name, gravity.unit, f"it needs a flight, but {NO_MOTION}"
@@ -262,13 +253,6 @@ def results_of(
         tuple(checks),
         tuple(item.statement for item in checks if item.outcome is CheckOutcome.FAILED),
     )
-
-
-def _of_a_shadow(item: Quantity) -> Quantity:
-    """Withhold values of what may be a shadow."""
-    if not item.known or item.name == QuantityName.BACKSWING_ANGLE:
-        return item
-    return Quantity.missing(item.name, item.unit, _MAYBE_SHADOW)
 
 
 def _asked(wanted: Collection[str] | None, names: Collection[str]) -> bool:
@@ -477,7 +461,7 @@ def _reasons(evaluated: Evaluated, no_grid: NoScale) -> dict[str, str]:
         elif no_grid.contradicts and impact is not None:
             reasons |= dict.fromkeys([*wanted, *_LANDING], no_grid.reason)
     if impact is not None and evaluated.metric is not None:
-        landed = evaluated.values[list(DERIVED).index("landing_time")]
+        landed = evaluated.values[list(DERIVED).index("landing_moment")]
         if np.isfinite(landed) and not _landing_in_view(evaluated, float(landed)):
             ends = "is last tracked" if _goes_on_in_view(evaluated) else "leaves the picture"
             text = (
@@ -617,8 +601,8 @@ def _too_short(longest_s: float) -> dict[str, Quantity]:
 
 
 def _if_too_short(lasting: Quantity) -> dict[str, Quantity]:
-    """The same if the contact time is not significantly above zero (k = 2)."""
-    if lasting.value is None or lasting.std is None or lasting.value > 2.0 * lasting.std:
+    """The same if the contact time is not larger than its standard uncertainty."""
+    if lasting.value is None or lasting.std is None or lasting.value > lasting.std:
         return {}
     return _too_short(max(lasting.value, 0.0) + 2.0 * lasting.std)
 

@@ -235,7 +235,7 @@ _LABELS = {
     "launch_angle": "launch angle",
     "landing_distance": "landing distance, corrected",
     "landing_distance_on_wall": "landing distance as read on the wall",
-    "landing_time": "landing time",
+    "landing_time": "time from first contact to landing",
     "cor_speeds": "COR from the speeds (Eq. 2)",
     "cor_launch": "COR from the launch (Eqs 9–10)",
     "cor_range": "COR from the range (Eq. 17)",

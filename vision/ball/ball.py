@@ -198,7 +198,9 @@ def off_flight(
         scale = max(1.2 * float(np.median(away)), 0.02)
         weight = 1.0 / (1.0 + (away / (3.0 * scale)) ** 2) ** 2
     place[inside] = design @ fitted
-    off[inside] = away > max(floor, _OFF_SIGMA * scale)
+    beyond = away > max(floor, _OFF_SIGMA * scale)
+    # what the stretch begins with, as a push that is not over, is not yet of the flight
+    off[inside] = beyond & ~np.logical_and.accumulate(beyond)
     return place, off
 
 

@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.signal
+import scipy.stats
 from numpy.typing import NDArray
 
 from vision.ball.ball import LEAST_CONTRAST, SMALL_RADIUS, BallFits, trusted_rows
@@ -61,8 +63,12 @@ _TOLERANCE = 5e-3
 _INNER = 0.15
 _LEAST_INNER_PX = 2.2
 """px inside the rim that is used: beyond two standard deviations of a point spread of one pixel."""
-# Frames between the positions compared: errors of neighbours are alike, as the ball looks alike.
-_LAG = 4
+_WINDOWS = (13, 7)
+"""Frames over which motion is smooth, the longer where there are enough: errors of neighbours are
+alike, as the ball looks alike."""
+_FEWEST_WINDOWS = 8
+"""Windows that tell a scatter: to a third (derived)."""
+
 # A shape that fewer of the frames bear out is not the ball's (one that comes nearer, say).
 _LEAST_KEPT = 0.8
 # What shading, transfer curve and texture do to an outline for many frames alike, and no scatter
@@ -375,28 +381,35 @@ class _CommonShape:
 
 
 def _calibrated(fits: BallFits) -> BallFits:
-    """Let all covariances account for the scatter about smooth motion, and for the model's own.
-
-    Third differences of evenly spaced positions vanish for motion under a constant force; for
-    independent errors of variance σ² their variance is 20 σ².
-    """
-    lag = _LAG if len(fits.frame) > 40 else 1
-    if len(fits.frame) < 12:
+    """Let all covariances account for the scatter about smooth motion, and for the model's own."""
+    scatter = [found for window in _WINDOWS if (found := _scatter(fits, window)) is not None]
+    if not scatter:
         return fits
-    run = fits.frame[3 * lag :] - fits.frame[: -3 * lag] == 3 * lag
-    if np.count_nonzero(run) < 8:
-        return fits
-    x, variance = fits.centre, np.diagonal(fits.fits.covariance, axis1=1, axis2=2)
-    parts = [slice(k * lag, len(x) - (3 - k) * lag) for k in range(4)]
-    third = (x[parts[3]] - 3 * x[parts[2]] + 3 * x[parts[1]] - x[parts[0]])[run]
-    expected = (
-        variance[parts[3]] + 9 * variance[parts[2]] + 9 * variance[parts[1]] + variance[parts[0]]
-    )[run]
-    # 0.455 is the median of a squared unit normal.
-    ratio = float(np.median(third**2 / np.maximum(expected, 1e-12))) / 0.455
+    variance = np.diagonal(fits.fits.covariance, axis1=1, axis2=2)
     # What neighbours share, as the ball's pattern and its light, their scatter does not tell.
-    factor = float(np.clip(ratio, 1.0, 20.0))
+    unstated = np.maximum(scatter[0] - np.median(variance, axis=0), 0.0)
     hidden = 1.0 - np.clip(fits.fits.contrast, 0.0, 1.0)
     model = MODEL_STD_PX * (1.0 + (hidden / _HIDDEN) ** 3)
-    covariance = fits.fits.covariance * factor + (model**2)[:, None, None] * np.eye(2)
-    return replace(fits, fits=replace(fits.fits, covariance=covariance))
+    added = (model**2)[:, None, None] * np.eye(2) + np.diag(unstated)
+    return replace(fits, fits=replace(fits.fits, covariance=fits.fits.covariance + added))
+
+
+def _scatter(fits: BallFits, window: int) -> FloatArray | None:
+    """Variance of x and of y about smooth motion, (2,), px²; None for too few frames.
+
+    From the residuals of cubics through `window` frames at their middle one. Where motion changes
+    at once, as in a contact, they are no error: the mean is that of squares bounded at nine times
+    their median.
+    """
+    run = fits.frame[window - 1 :] - fits.frame[: 1 - window] == window - 1
+    if np.count_nonzero(run) < _FEWEST_WINDOWS:
+        return None
+    middle = np.zeros(window)
+    middle[window // 2] = 1.0
+    weight = middle - scipy.signal.savgol_coeffs(window, 3)
+    each = np.lib.stride_tricks.sliding_window_view(fits.centre, window, axis=0)[run]
+    square = (each @ weight) ** 2 / (weight @ weight)
+    usual, normal = np.median(square, axis=0), scipy.stats.chi2
+    bound = 9.0 * float(normal.ppf(0.5, 1))
+    unbiased = normal.cdf(bound, 3) + bound * normal.sf(bound, 1)
+    return np.asarray(np.minimum(square, 9.0 * usual).mean(axis=0) / unbiased)

@@ -98,27 +98,13 @@ def test_a_contact_too_short_for_the_frame_rate_gets_a_bound_and_no_number(
 def test_a_mass_that_would_part_before_it_meets_did_not_strike_or_not_this(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    found = told(monkeypatch, as_it_is, 0.02)
+    found = told(monkeypatch, as_it_is, 0.03)
     for name in (*TIMES, "cor_speeds", "pendulum_speed_after"):
         assert found[name].value is None
         assert "before it meets" in str(found[name].reason)
     # the flight does not depend on which object struck the ball
     speed, (_, shot) = found["ball_speed"], planned()
     assert speed.value == pytest.approx(float(shot.contact.outcome.ball_speed), abs=4 * speed.std)
-
-
-def test_of_what_may_be_the_ball_s_shadow_no_number_is_told(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    found = told(monkeypatch, lambda tracks: replace(tracks, maybe_shadow=True))
-    assert all(item.value is None for item in found.values())
-    assert "--ball-at" in str(found["ball_speed"].reason)
-
-
-def test_no_check_of_a_shadow_s_numbers_is_passed(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert any(check.passed for check in results(monkeypatch, as_it_is).checks)
-    shade = results(monkeypatch, lambda tracks: replace(tracks, maybe_shadow=True))
-    assert shade.checks == ()
 
 
 def test_where_the_mass_is_hardly_seen_after_the_contact_the_flight_alone_is_told(

@@ -206,7 +206,11 @@ def test_centres_of_outlines_seen_in_part_are_as_unsure_as_they_are_off() -> Non
     folder = shared_folder("rendered") / "jokku_120"
     truth = json.loads((folder / "truth.json").read_text())
     ball = follow(ClipReader.open(folder / "clip.mp4"), truth["fps_true"]).ball
-    part = ball.quality < 0.8
+    touched = (ball.frame > truth["contact"]["frame_on"] - 1) & (
+        ball.frame < truth["contact"]["frame_off"] + 1
+    )
+    # a ball that is squashed has no centre of a circle
+    part = (ball.quality < 0.8) & ~touched
     assert np.count_nonzero(part) > 15
     frames = truth["frames"]
     place = np.column_stack([frames["u_px"], frames["v_px"]])[ball.frame]
