@@ -1,6 +1,8 @@
-"""Terminal output without markup, and command groups with a default command."""
+"""Terminal output, repeated warnings, and command groups with a default."""
 
-from collections.abc import Mapping
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, ClassVar
 
 import typer
@@ -8,7 +10,7 @@ from rich.console import Console
 from rich.text import Text
 from typer.core import TyperGroup
 
-__all__ = ["DefaultCommandGroup", "screen"]
+__all__ = ["DefaultCommandGroup", "counted", "screen"]
 
 MIN_WIDTH_COLUMNS = 40
 """Minimum terminal width for a table, columns (chosen; some shells report COLUMNS=0)."""
@@ -44,6 +46,29 @@ def screen(*, errors: bool = False) -> Console:
     console = _Screen(stderr=errors, markup=False, emoji=False, highlight=False)
     console.width = max(console.width, MIN_WIDTH_COLUMNS)
     return console
+
+
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
+
+
+def counted(warnings: Sequence[Iterable[str]]) -> list[str]:
+    """Warnings of several clips, each once with the number of clips, the most frequent first.
+
+    Warnings that differ only in their numbers count as one; the first is shown.
+
+    Parameters
+    ----------
+    warnings : sequence of iterable of str
+        Of each clip.
+    """
+    clips: Counter[str] = Counter()
+    example: dict[str, str] = {}
+    for one in warnings:
+        shapes = {_NUMBER.sub("#", text): text for text in one}
+        clips.update(shapes.keys())
+        example = shapes | example
+    of = len(warnings)
+    return [f"warning, {number} of {of} clips: {example[s]}" for s, number in clips.most_common()]
 
 
 _HELP = frozenset({"--help", "-h"})

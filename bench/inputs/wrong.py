@@ -1,10 +1,14 @@
 """Count how often the checker finds a wrong input and blames a right one.
 
 Each clip with a known set-up is tracked once; then its rate, ball and grid are stated rightly and
-wrongly: ``python -m bench.inputs.wrong FOLDER… > table.csv``.
+wrongly: ``python -m bench.inputs.wrong FOLDER… > table.csv``. The last lines compare the scales
+by outline, grid and fall of rightly stated clips; the uncertainties of `pipelines.checker.scene`
+were fitted to them.
 """
 
+import itertools
 import json
+import math
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -13,7 +17,7 @@ from pathlib import Path
 from calib.grid import WallGrid, find_wall_grid
 from metrology import CalibrationError, ImpactVisionError
 from pipelines.checker.clips import clip_facts
-from pipelines.checker.scene import SceneFacts, findings_of
+from pipelines.checker.scene import SceneFacts, equations_of, findings_of, upright
 from pipelines.measure.chain import FollowedClip, MeasureOptions, tracked_once
 from pipelines.measure.inputs import gather_inputs
 from pipelines.setup.file import Setup
@@ -21,7 +25,7 @@ from vision.clip.clip import ClipReader
 from vision.clip.footage import CaptureRate, RateSource, nominal_rate_std
 from vision.following import follow
 
-__all__ = ["mistakes_of", "outcome", "scene_of"]
+__all__ = ["differences_of", "mistakes_of", "outcome", "scene_of"]
 
 RATE_FACTORS, BALL_FACTORS, GRID_FACTORS = (0.1, 0.5, 2.0), (0.5, 1.22, 3.14159), (0.8, 0.5, 2.0)
 """Stated over true values: what people enter."""
@@ -48,8 +52,12 @@ def scene_of(folder: Path) -> Scene:
     fps = float(lab["camera_nominal_fps"])
     options = MeasureOptions(cache=True)
     seen = tracked_once(clip, fps, options, lambda: follow(clip, fps))
-    diameter = lab.get("ball", {}).get("diameter_m")
-    inputs = gather_inputs(Setup(), None if diameter is None else f"{diameter} m", None)
+    ball = lab.get("ball", {})
+    diameter, mass = ball.get("diameter_m"), ball.get("mass_kg")
+    setup = Setup()
+    if diameter is not None and mass is not None:
+        setup = setup.having({"ball.diameter": f"{diameter} m", "ball.mass": f"{mass} kg"})
+    inputs = gather_inputs(setup, None if diameter is None or mass else f"{diameter} m", None)
     rate = CaptureRate(fps, nominal_rate_std(fps), RateSource.OPTION)
     pitch = lab.get("grid_pitch_m")
     grid = None
@@ -100,8 +108,30 @@ def outcome(key: str, facts: SceneFacts) -> str:
     return "right" if one.key == key else "wrong"
 
 
+def differences_of(facts: SceneFacts) -> dict[str, tuple[float, float]]:
+    """Relative differences of the scales by outline, grid and fall, with their std."""
+    inputs, relations = equations_of(upright(facts))
+    known = {one.key: one for one in inputs if one.stated}
+    scales = {}
+    for relation in relations:
+        others = {key: power for key, power in relation.powers.items() if key != "scale"}
+        if others.keys() <= known.keys():
+            log = math.log(relation.value)
+            log -= sum(power * math.log(known[key].value) for key, power in others.items())
+            terms = [power * known[key].relative_std for key, power in others.items()]
+            scales[relation.name] = (log, math.hypot(relation.relative_std, *terms))
+    return {
+        f"{one} / {other}": (
+            scales[one][0] - scales[other][0],
+            math.hypot(scales[one][1], scales[other][1]),
+        )
+        for one, other in itertools.combinations(scales, 2)
+    }
+
+
 def main() -> None:
     """Print one line per clip and mistake."""
+    compared: dict[str, list[float]] = {}
     print("clip,input,factor,outcome,sentence")
     for name in sys.argv[1:]:
         for folder in sorted(path.parent for path in Path(name).rglob("setup.json")):
@@ -110,11 +140,16 @@ def main() -> None:
             except ImpactVisionError as problem:
                 print(f'{folder.name},,,untracked,"{problem.message}"', flush=True)
                 continue
+            for name, (off, std) in differences_of(scene.facts).items():
+                compared.setdefault(name, []).append(off / std)
             for key, factor, facts in mistakes_of(scene.facts):
                 found = findings_of(facts)
                 sentence = found[0].sentence if found else ""
                 said = sentence.replace('"', "'")
                 print(f'{folder.name},{key},{factor},{outcome(key, facts)},"{said}"', flush=True)
+    for name, sigmas in compared.items():
+        middle = sorted(map(abs, sigmas))[len(sigmas) // 2]
+        print(f"# {name}: {len(sigmas)} clips, median |difference| {middle:.2f} std")
 
 
 if __name__ == "__main__":

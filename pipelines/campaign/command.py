@@ -116,8 +116,8 @@ def campaign_command(
     if not quiet:
         for clip, what in done.again.items():
             screen(errors=True).print(f"{clip} was measured again: its {what} changed")
-        for copy in done.copies:
-            screen(errors=True).print(copy, soft_wrap=True)
+        for said in (*done.copies, *done.warnings):
+            screen(errors=True).print(said, soft_wrap=True)
         measured = done.summary["clips"]["done"]
         screen().print(f"{measured} clips measured; report: {done.report}")
         if not parquet_is_written():

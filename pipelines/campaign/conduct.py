@@ -49,6 +49,7 @@ from pipelines.measure.files import software_version
 from pipelines.setup.cor_file import BallLaw, ball_law, with_laws, write_cor_file
 from pipelines.setup.file import Setup, ball_from_option
 from pipelines.setup.tables import checked_values
+from pipelines.terminal import counted
 
 __all__ = ["Campaign", "CampaignOptions", "Edition", "campaign", "conduct", "publish"]
 
@@ -289,6 +290,8 @@ class Campaign:
         Recordings present under several clip names, and the name under which each counts.
     waiting : tuple of str
         Clips left for a later run because only some were requested.
+    warnings : tuple of str
+        Each once, with the number of clips.
     """
 
     folder: Path
@@ -299,6 +302,7 @@ class Campaign:
     explained: str | None = None
     copies: tuple[str, ...] = ()
     waiting: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @property
     def report(self) -> Path:
@@ -486,6 +490,7 @@ def _published(
         summarised,
         copies,
         tuple(waiting),
+        tuple(counted([one.warnings for one in published.results if one.state == State.DONE])),
     )
 
 

@@ -48,6 +48,7 @@ def clip_facts(followed: "FollowedClip", grid: WallGrid | None) -> SceneFacts:
         pitch_stated=wall.grid is not None,
         camera_distance=camera.distance_to_wall,
         plane_offset=wall.ball_plane_offset,
+        drag=inputs.drag_per_metre,
     )
 
 

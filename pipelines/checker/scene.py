@@ -6,29 +6,34 @@ sets it. All commands ask this module, so that the same input gives the same fin
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.grid import WallGrid
+from calib.solve import FOCAL_OVER_WIDTH, LOG_FOCAL_STD
 from metrology import Defaults
 from metrology.quantity import format_value
 from pipelines.checker.balance import Cause, Contradictory, Input, Relation, weigh
 from pipelines.checker.fall import Fall, find_fall
 
-__all__ = ["Finding", "SceneFacts", "findings_of"]
+__all__ = ["Finding", "SceneFacts", "equations_of", "findings_of", "upright"]
 
 FloatArray = NDArray[np.float64]
 
-_OUTLINE_STD = 0.025
-"""Relative std of the ball's outline and of its nominal diameter (chosen: blur and seams)."""
+_OUTLINE_STD_PX, _OUTLINE_STD = 0.35, 0.01
+"""Std of an observed radius, px and relative (fitted: bench.inputs.wrong, clips with a known
+set-up; blur and lighting enlarge small balls by up to 0.8 px)."""
 
-_FALL_STD = 0.02
-"""Relative std of a fall against g (derived: drag of the heaviest and lightest balls at 5 m/s)."""
+_FALL_STD = 0.007
+"""Relative std of a fall against g after its correction for drag (fitted: likewise)."""
 
-_WALL_STD = 0.02
-"""Relative std of the wall's local scale at the ball (chosen: tilt of the camera)."""
+_SLOW_STD_PX = 0.05
+"""Std of slowly varying errors of a track, px (source: `calib.solve`, recordings with truth)."""
+
+_WALL_STD = 0.01
+"""Relative std of the wall's local scale at the ball (fitted: likewise)."""
 
 _RATIO_BOUNDS = (0.6, 1.0)
 """Distance of the ball's plane from the camera over that of the wall, where it was not measured
@@ -45,7 +50,7 @@ _USUAL = {
 }
 """Usual values, 1/s and m."""
 
-_USUAL_SIGMAS, _USUAL_RELATIVE = 2.5, 0.03
+_SIGMAS, _USUAL_RELATIVE = 2.5, 0.03
 """Standard deviations, and relative difference or half a standard deviation, within which a usual
 value is proposed (chosen)."""
 
@@ -88,6 +93,8 @@ class SceneFacts:
         False if its pitch is assumed.
     camera_distance, plane_offset : tuple of float or None
         With their std, m.
+    drag : tuple of float or None
+        Deceleration by the air over the square of the speed, with its std, 1/m.
     """
 
     frame: FloatArray
@@ -101,6 +108,7 @@ class SceneFacts:
     pitch_stated: bool = True
     camera_distance: tuple[float, float] | None = None
     plane_offset: tuple[float, float] | None = None
+    drag: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -129,11 +137,11 @@ class Finding:
 
 def findings_of(facts: SceneFacts) -> tuple[Finding, ...]:
     """Contradictions among the facts, each with cause and cure; empty if they agree."""
-    fall = _fall(facts)
-    missing = _missing(facts, fall)
+    facts = upright(facts)
+    missing = _missing(facts, _fall(facts))
     if missing is not None:
         return (missing,)
-    inputs, relations = _equations(facts, fall)
+    inputs, relations = equations_of(facts)
     found = weigh(inputs, relations)
     if found is None:
         return ()
@@ -143,6 +151,28 @@ def findings_of(facts: SceneFacts) -> tuple[Finding, ...]:
     if not causes:
         return (_unresolved(found, [one for one in inputs if one.stated], names),)
     return (_joined(found, [_cure(cause, facts) for cause in causes], names),)
+
+
+def upright(facts: SceneFacts) -> SceneFacts:
+    """The facts as a camera at right angles to the wall would see them.
+
+    The wall behind a plane parallel to it is a similar image of that plane, so that the grid's map
+    removes perspective from the ball's path as well.
+    """
+    if facts.grid is None or not len(facts.centre_px):
+        return facts
+    seen = facts.grid.map
+    middle = np.median(facts.centre_px, axis=0)
+    here = seen.jacobian(middle)
+    back = np.linalg.inv(here)
+    place = middle + (seen(facts.centre_px) - seen(middle)) @ back.T
+    radius = facts.radius_px
+    if radius is not None:
+        local = np.linalg.det(seen.jacobian(facts.centre_px)) / np.linalg.det(here)
+        radius = radius * np.sqrt(np.abs(local))
+    if not np.isfinite(place).all():
+        return facts
+    return replace(facts, centre_px=place, radius_px=radius)
 
 
 def _unresolved(found: Contradictory, inputs: Sequence[Input], names: Sequence[str]) -> Finding:
@@ -197,7 +227,9 @@ def _missing(facts: SceneFacts, fall: Fall | None) -> Finding | None:
     )
 
 
-def _equations(facts: SceneFacts, fall: Fall | None) -> tuple[list[Input], list[Relation]]:
+def equations_of(facts: SceneFacts) -> tuple[list[Input], list[Relation]]:
+    """What is stated, and the equations between it and what was seen."""
+    fall = _fall(facts)
     inputs: list[Input] = []
     relations: list[Relation] = []
     if facts.rate is not None:
@@ -208,13 +240,14 @@ def _equations(facts: SceneFacts, fall: Fall | None) -> tuple[list[Input], list[
     if facts.ball is not None and facts.radius_px is not None:
         wide = 2.0 * float(np.median(facts.radius_px[rows]))
         inputs.append(Input("ball", facts.ball[0], max(facts.ball[1] / facts.ball[0], 1e-3)))
+        std = math.hypot(_OUTLINE_STD, 2.0 * _OUTLINE_STD_PX / wide)
         relations.append(
-            Relation("the ball's outline", {"scale": 1.0, "ball": -1.0}, 1.0 / wide, _OUTLINE_STD)
+            Relation("the ball's outline", {"scale": 1.0, "ball": -1.0}, 1.0 / wide, std)
         )
     if facts.grid is not None and len(facts.centre_px):
         inputs.append(Input("grid", facts.grid.pitch_m, 0.005))
         inputs.append(_plane_ratio(facts))
-        middle = np.median(facts.centre_px[rows], axis=0)
+        middle = np.median(facts.centre_px, axis=0)
         period = 1.0 / np.linalg.norm(facts.grid.map.jacobian(middle), axis=-1)
         relations.append(
             Relation(
@@ -226,15 +259,40 @@ def _equations(facts: SceneFacts, fall: Fall | None) -> tuple[list[Input], list[
         )
     if fall is not None:
         size = float(np.hypot(*fall.acceleration))
+        slowed, slowed_std = _drag_fraction(facts, fall)
+        half = 0.5 * float(facts.frame[fall.last] - facts.frame[fall.first])
+        slow = 2.0 * _SLOW_STD_PX / half**2
         relations.append(
             Relation(
                 "free fall",
                 {"scale": 1.0, "rate": 2.0},
-                Defaults.GRAVITY.known / size,
-                math.hypot(_FALL_STD, fall.std / size),
+                Defaults.GRAVITY.known * (1.0 - slowed) / size,
+                float(np.linalg.norm([_FALL_STD, slowed_std, fall.std / size, slow / size])),
             )
         )
     return inputs, relations
+
+
+def _drag_fraction(facts: SceneFacts, fall: Fall) -> tuple[float, float]:
+    """Fraction of g by which the air slows a fall, with its std; negative for a rising ball."""
+    if facts.drag is None:
+        return 0.0, 0.0
+    rows = slice(fall.first, fall.last + 1)
+    frame, place = facts.frame[rows], facts.centre_px[rows]
+    slope = np.polyfit(frame, place, 2)
+    velocity = 2.0 * slope[0] * frame[:, np.newaxis] + slope[1]
+    squared = float(np.mean(np.hypot(*velocity.T) * velocity[:, 1]))
+    # in metres by the ball's outline, or by the fall itself
+    metres = None
+    if facts.ball is not None and facts.radius_px is not None:
+        metres = 0.5 * facts.ball[0] / float(np.median(facts.radius_px[rows]))
+    elif facts.rate is not None:
+        metres = Defaults.GRAVITY.known / float(fall.acceleration[1]) / facts.rate[0] ** 2
+    if metres is None:
+        return 0.0, 0.0
+    # a = g in px and frames: neither the rate nor seconds are needed
+    per_px = metres / float(fall.acceleration[1])
+    return facts.drag[0] * per_px * squared, facts.drag[1] * per_px * abs(squared)
 
 
 def _plane_ratio(facts: SceneFacts) -> Input:
@@ -243,11 +301,35 @@ def _plane_ratio(facts: SceneFacts) -> Input:
     if facts.camera_distance is None or facts.plane_offset is None:
         return unknown
     (far, far_std), (near, near_std) = facts.camera_distance, facts.plane_offset
-    ratio = 1.0 - near / far
+    # measured along the optical axis; the planes' distances are at right angles to them
+    longer, longer_std = _axis_over_normal(facts.grid)
+    gap = near / far * longer
+    ratio = 1.0 - gap
     if not 0.0 < ratio <= 1.0:
         return unknown
-    std = math.hypot(near_std / far, near * far_std / far**2) / ratio
-    return Input("ratio", ratio, max(std, 1e-3))
+    std = gap * float(np.linalg.norm([near_std / near, far_std / far, longer_std / longer]))
+    return Input("ratio", ratio, max(std / ratio, 1e-3))
+
+
+def _axis_over_normal(grid: WallGrid | None) -> tuple[float, float]:
+    """Distance to the wall along the optical axis over that at right angles to it, with its std.
+
+    The area of a square in the picture falls with the third power of its depth, whose slope is the
+    tangent of the angle over the focal length; the focal length is unknown.
+    """
+    if grid is None:
+        return 1.0, 0.0
+    middle, step = 0.5 * (np.array(grid.size) - 1.0), 0.05 * grid.size[0]
+    ends = middle + step * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+    areas = np.log(np.abs(np.linalg.det(grid.map.jacobian(ends))))
+    slope = np.hypot(areas[0] - areas[1], areas[2] - areas[3]) / (2.0 * step)
+    tangent = float(slope) * FOCAL_OVER_WIDTH * grid.size[0] / 3.0
+    longer = math.hypot(1.0, tangent)
+    return longer, LOG_FOCAL_STD * tangent**2 / longer
+
+
+_USUAL_VALUE, _ANY, _ODD = range(3)
+"""Ranks of a cure: a usual value, an input without usual values, a value between usual ones."""
 
 
 @dataclass(frozen=True)
@@ -257,41 +339,64 @@ class _Cure:
     stated: str
     fits: str
     option: str
-    usual: bool
+    rank: int
     slip: str
+
+    @property
+    def instead(self) -> str:
+        return f"{self.fits} instead of {self.stated}"
+
+    @property
+    def in_words(self) -> str:
+        if self.cause.key == "ratio":
+            return f"{self.label} is wrong: {self.option}"
+        return f"{self.label} is {self.instead}: {self.option}{self.slip}"
 
 
 def _cure(cause: Cause, facts: SceneFacts) -> _Cure:
     value, usual = _usual(cause)
+    near = [
+        one for one in _USUAL.get(cause.key, ()) if abs(one - cause.value) < _SIGMAS * cause.std
+    ]
+    rank = _USUAL_VALUE if usual else _ODD if cause.key in _USUAL and not near else _ANY
     if cause.key == "rate":
-        return _made(cause, "the capture rate", "fps", 1.0, f"--fps {value:.6g}", usual)
+        return _made(cause, "the capture rate", "fps", 1.0, f"--fps {value:.6g}", rank)
     if cause.key == "ball":
-        return _made(cause, "the ball's diameter", "mm", 1e3, f"--ball {1e3 * value:.4g}mm", usual)
+        return _made(cause, "the ball's diameter", "mm", 1e3, f"--ball {1e3 * value:.4g}mm", rank)
     if cause.key == "grid":
         label = "the wall grid" if facts.pitch_stated else "the wall grid, assumed"
-        return _made(cause, label, "mm", 1e3, f"--wall-grid {1e3 * value:.4g}mm", usual)
+        return _made(cause, label, "mm", 1e3, f"--wall-grid {1e3 * value:.4g}mm", rank)
     if cause.key == "scale":
         option = f"--scale '{1e3 * value:.4g} mm/px'"
-        return _made(cause, "the scale", "mm/px", 1e3, option, usual)
+        return _made(cause, "the scale", "mm/px", 1e3, option, rank)
+    return _made(cause, _DISTANCES, "", 1.0, _distances(cause, facts), rank)
+
+
+_DISTANCES = "one of the two distances (camera to wall, ball to wall)"
+
+
+def _distances(cause: Cause, facts: SceneFacts) -> str:
+    """Each distance with which everything fits, as in the set-up file, and its uncertainty."""
     assert facts.camera_distance is not None
     assert facts.plane_offset is not None
     near, far = facts.plane_offset[0], facts.camera_distance[0]
-    option = (
-        f'ball_plane_offset = "{far * (1.0 - value):.3g} m" in [wall] or'
-        f' distance_to_wall = "{near / (1.0 - value):.3g} m" in [camera]'
-    )
-    return _made(
-        cause, "one of the two distances (camera to wall, ball to wall)", "", 1.0, option, usual
+    gap = 1.0 - cause.value
+    ball = format_value(far * gap, far * cause.std, "m")
+    camera = format_value(near / gap, near / gap**2 * cause.std, "m")
+    return (
+        f'measure both again. distance_to_wall = "{camera}" in [camera] of the set-up file'
+        f' (--camera-distance of calibrate), or ball_plane_offset = "{ball}" in [wall]'
+        " (--ball-plane)"
     )
 
 
-def _made(cause: Cause, label: str, unit: str, factor: float, option: str, usual: bool) -> _Cure:
+def _made(cause: Cause, label: str, unit: str, factor: float, option: str, rank: int) -> _Cure:
     stated = f"{factor * cause.stated:.4g} {unit}".strip()
     fits = f"{format_value(factor * cause.value, factor * cause.std, unit or '1')}"
     ratio = cause.stated / cause.value
     slips = [text for slip, text in _SLIPS if abs(math.log(ratio / slip)) < _USUAL_RELATIVE]
     slip = f" {slips[0]}" if slips and cause.key == "ball" else ""
-    return _Cure(cause, label, stated, fits, option, usual, slip)
+    return _Cure(cause, label, stated, fits, option, rank, slip)
 
 
 def _usual(cause: Cause) -> tuple[float, bool]:
@@ -299,7 +404,7 @@ def _usual(cause: Cause) -> tuple[float, bool]:
     near = [
         value
         for value in _USUAL.get(cause.key, ())
-        if abs(value - cause.value) < max(_USUAL_SIGMAS * cause.std, 0.0)
+        if abs(value - cause.value) < max(_SIGMAS * cause.std, 0.0)
         and abs(value - cause.value) < max(_USUAL_RELATIVE * cause.value, 0.5 * cause.std)
     ]
     if not near:
@@ -308,30 +413,26 @@ def _usual(cause: Cause) -> tuple[float, bool]:
 
 
 def _joined(found: Contradictory, cures: Sequence[_Cure], names: Sequence[str]) -> Finding:
-    cures = sorted(cures, key=lambda cure: (not cure.usual, cure.cause.chi2))
-    best = cures[0]
-    others = _listed(names)
-    if len(cures) == 1:
-        numbers = f"{best.fits} instead of {best.stated}"
-        if best.cause.key == "ratio":
-            numbers = "another one"
+    cures = sorted(cures, key=lambda cure: (cure.rank, cure.cause.chi2))
+    # rates and pitches come in steps: a value between them is the last explanation
+    odd = [cure for cure in cures if cure.rank == _ODD and cures[0].rank < _ODD]
+    likely, best, others = cures[: len(cures) - len(odd)], cures[0], _listed(names)
+    if len(likely) == 1:
+        wanted = "another one" if best.cause.key == "ratio" else best.instead
         sentence = (
-            f"Likely cause: {best.label} does not fit the rest ({others}). With {numbers}"
+            f"Likely cause: {best.label} does not fit the rest ({others}). With {wanted}"
             f" everything fits (χ² {best.cause.chi2_before:.0f} → {best.cause.chi2:.0f}):"
             f" {best.option}.{best.slip}"
         )
     else:
-        choices = "; ".join(
-            f"{cure.label} is {cure.fits} instead of {cure.stated}: {cure.option}{cure.slip}"
-            if cure.cause.key != "ratio"
-            else f"{cure.label} is wrong: {cure.option}"
-            for cure in cures
-        )
+        choices = "; ".join(cure.in_words for cure in likely)
         sentence = (
             f"Likely cause: the inputs contradict each other (χ² {found.chi2:.0f} for"
             f" {found.degrees} excess equations of {others}). One change makes everything fit:"
             f" {choices}."
         )
+    if odd:
+        sentence += f" Less likely: {'; '.join(cure.in_words for cure in odd)}."
     return Finding(best.cause.key, sentence, best.option, best.cause.value, best.cause.std)
 
 

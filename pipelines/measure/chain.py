@@ -60,6 +60,7 @@ from pipelines.measure.results import (
     needed,
     results_of,
 )
+from pipelines.report import CheckKind
 from pipelines.setup.file import Setup
 from vision.clip.clip import ClipReader
 from vision.clip.footage import CaptureRate, RateSource, choose_capture_rate
@@ -273,6 +274,8 @@ class Found:
     calibration : Calibration or None
     grid : WallGrid or None
     warnings : tuple of str
+    assumed : tuple of str
+        What is assumed since it was not given.
     """
 
     results: Results
@@ -281,6 +284,7 @@ class Found:
     calibration: Calibration | None
     grid: WallGrid | None
     warnings: tuple[str, ...]
+    assumed: tuple[str, ...] = ()
 
 
 @measured_once
@@ -355,6 +359,12 @@ def measurement_of(
         From reading the clip; they come first.
     """
     findings = clip_findings(followed, found.grid)
+    explained = {
+        check.statement
+        for check in found.results.checks
+        if findings and check.kind in (CheckKind.GRAVITY, CheckKind.BALL_SIZE)
+    }
+    later = [one for one in found.warnings if one not in explained]
     return ClipMeasurement(
         info=info,
         rate=found.rate,
@@ -366,9 +376,10 @@ def measurement_of(
             dict.fromkeys(
                 [
                     *(finding.sentence for finding in findings),
+                    *found.assumed,
                     *warnings,
                     *motion_warning(followed.tracks.motion),
-                    *found.warnings,
+                    *later,
                 ]
             )
         ),
@@ -378,6 +389,7 @@ def measurement_of(
         impact=found.evaluated.impact,
         defaults=followed.inputs.rig.defaults_used,
         findings=findings,
+        assumed=found.assumed,
     )
 
 
@@ -492,17 +504,33 @@ def quantities_of(
     evaluated = _evaluate(fitted, report, propagation, needed(wanted))
     motion = motion_quantities(tracks, _motion_scene(scene, followed, wall))
     results = results_of(evaluated, tracks, wall.refusal, motion, wanted)
-    warnings = [] if scene.rate.notice is None else [scene.rate.notice]
+    assumed = _assumptions(scene, wall, tracks)
+    warnings = [] if scene.rate.notice in (None, *assumed) else [str(scene.rate.notice)]
     warnings += tracks.warnings
-    if tracks.motion.kind not in _OTHER_MOTIONS:
-        warnings += scene.inputs.assumed
     if wall.calibration is not None:
         warnings += wall.calibration.warnings
     else:
         warnings.append(f"the wall gives no calibration: {wall.refusal.reason}")
     warnings += results.warnings
     warnings += _two_strikes(evaluated, tracks)
-    return Found(results, scene.rate, evaluated, wall.calibration, wall.grid, tuple(warnings))
+    return Found(
+        results, scene.rate, evaluated, wall.calibration, wall.grid, tuple(warnings), assumed
+    )
+
+
+def _assumptions(scene: ClipConditions, wall: "WallScene", tracks: Tracks) -> tuple[str, ...]:
+    """What is assumed since it was not given, each with its consequence and the option."""
+    inputs, assumed = scene.inputs, []
+    if scene.rate.source is RateSource.ASSUMED and scene.rate.notice is not None:
+        assumed.append(scene.rate.notice)
+    if wall.grid is not None and inputs.setup.wall.grid is None:
+        assumed.append(
+            f"No grid pitch given: squares of {1e3 * inputs.grid_pitch:g} mm (Ryu et al.) are"
+            " assumed. Every length is proportional to it. Pass --wall-grid."
+        )
+    if tracks.motion.kind not in _OTHER_MOTIONS:
+        assumed += inputs.assumed
+    return tuple(assumed)
 
 
 def _other_strike(tracks: Tracks, other: FollowedObject) -> str:

@@ -73,7 +73,7 @@ from pipelines.measure.results import missing_input
 from pipelines.processes import end_with_parent
 from pipelines.report.inputs import quantity_label, quantity_text
 from pipelines.setup.file import load_setup
-from pipelines.terminal import screen
+from pipelines.terminal import counted, screen
 from vision.tracks import MotionKind
 
 __all__ = [
@@ -225,6 +225,7 @@ class Done:
     row: Mapping[str, object] | None
     summary: str
     problem: ImpactVisionError | None = None
+    warnings: tuple[str, ...] = ()
 
 
 class Folder:
@@ -339,13 +340,13 @@ def measure_all(
         elif isinstance(result, Exception):
             raise result
         else:
-            row, summary = result
+            row, summary, warnings = result
             folder.add(job.clip, row, digests[job.clip])
-            yield Done(job.clip, row, summary)
+            yield Done(job.clip, row, summary, None, warnings)
 
 
-def _measure_job(job: Job) -> tuple[dict[str, object], str]:
-    """Measure one clip and write its files; return its row and a summary line."""
+def _measure_job(job: Job) -> tuple[dict[str, object], str, tuple[str, ...]]:
+    """Measure one clip and write its files; return its row, a summary line and its warnings."""
     measured = measure_clip(job.clip, job.options)
     job.wanted.write(measured, job.clip, job.names)
     summary = [
@@ -353,9 +354,8 @@ def _measure_job(job: Job) -> tuple[dict[str, object], str]:
         for item in measured.quantities
         if item.name in _SUMMARIZED and item.known
     ]
-    return measurement_as_row(measured, job.names), ", ".join(
-        summary
-    ) or "nothing could be measured"
+    said = ", ".join(summary) or "nothing could be measured"
+    return measurement_as_row(measured, job.names), said, measured.warnings
 
 
 def _read_rows(table: Path) -> dict[str, dict[str, str]]:
@@ -589,9 +589,11 @@ def _into_folder(
     todo = [Job(clip, options, placed[clip], names) for clip in clips]
     errors = screen(errors=True)
     failures: list[ImpactVisionError] = []
+    warnings: list[tuple[str, ...]] = []
     count = 0
     try:
         for count, done in enumerate(measure_all(todo, folder, option_texts, workers), start=1):
+            warnings.append(done.warnings)
             if done.problem is not None:
                 failures.append(done.problem)
             if done.problem is not None or not wanted.quiet:
@@ -606,6 +608,8 @@ def _into_folder(
         )
         raise
     if not wanted.quiet:
+        for line in counted(warnings):
+            errors.print(line, soft_wrap=True)
         screen().print(f"{len(clips) - len(failures)} of {len(clips)} clips are in {folder.table}")
     if failures:
         raise type(failures[0])(f"{len(failures)} of {len(clips)} clips could not be measured")
@@ -726,6 +730,9 @@ def _measured(
         except UsageError as problem:
             # print the results before the error
             refused = problem
+    if not wanted.quiet:
+        for assumption in measured.assumed:
+            errors.print(f"assumed: {assumption}", soft_wrap=True)
     if wanted.json == "-":
         sys.stdout.write(measurement_as_json(measured, names) + "\n")
     elif not wanted.quiet:
@@ -734,6 +741,8 @@ def _measured(
             _print_budgets(measured, names)
     if not wanted.quiet:
         for warning in measured.warnings:
+            if warning in measured.assumed:
+                continue
             errors.print(f"warning: {warning}", soft_wrap=True)
     if refused is not None:
         raise refused

@@ -94,6 +94,8 @@ class ClipMeasurement:
         Properties of the apparatus whose value or uncertainty is a default.
     findings : tuple of Finding
         Inputs that contradict each other, each with cause and cure; they lead the warnings.
+    assumed : tuple of str
+        Warnings about what is assumed since it was not given.
     """
 
     info: ClipInfo
@@ -109,6 +111,7 @@ class ClipMeasurement:
     impact: Impact | None
     defaults: tuple[RigNumber, ...] = ()
     findings: tuple[Finding, ...] = ()
+    assumed: tuple[str, ...] = ()
 
     @property
     def motion(self) -> Motion:

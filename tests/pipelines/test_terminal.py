@@ -10,7 +10,7 @@ import pipelines
 from metrology import Contribution, Quantity, write_text_whole
 from pipelines.measure.files import without_formulas
 from pipelines.model import send_out
-from pipelines.terminal import screen
+from pipelines.terminal import counted, screen
 
 
 def test_brackets_and_colons_in_tables_are_words(capsys: pytest.CaptureFixture[str]) -> None:
@@ -75,3 +75,11 @@ def test_names_that_are_no_text_are_shown_and_written(
     row = without_formulas({"clip": name, "note": "=1+1", "value": 1.5})
     assert row == {"clip": "a\ufffd\ufffd=.mp4", "note": "'=1+1", "value": 1.5}
     write_text_whole(tmp_path / "a.csv", str(row["clip"]))
+
+
+def test_a_warning_of_many_clips_is_shown_once_with_their_number() -> None:
+    said = counted([["rate 599.2 fps", "no mass"], ["rate 600.1 fps"], []])
+    assert said == [
+        "warning, 2 of 3 clips: rate 599.2 fps",
+        "warning, 1 of 3 clips: no mass",
+    ]

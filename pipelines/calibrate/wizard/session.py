@@ -36,6 +36,7 @@ from metrology import (
 )
 from pipelines.calibrate.wizard.answers import Answers, BallKind, BallSeen, WallSource, track_ball
 from pipelines.checker.scene import SceneFacts, findings_of
+from pipelines.measure.inputs import UNKNOWN_DRAG
 from vision.clip.footage import nominal_rate_std
 
 __all__ = [
@@ -161,7 +162,18 @@ def facts_of(answers: Answers) -> SceneFacts:
         grid=answers.grid,
         camera_distance=None if far is None else (far.value, far.std),
         plane_offset=None if near is None else (near.value, near.std),
+        drag=_drag_per_metre(ball),
     )
+
+
+def _drag_per_metre(ball: BallKind | None) -> tuple[float, float]:
+    """Deceleration by the air over the square of the speed, with its std, 1/m."""
+    if ball is None or ball.mass is None:
+        return UNKNOWN_DRAG, UNKNOWN_DRAG
+    area = math.pi * ball.diameter**2 / 4.0
+    drag = Defaults.DRAG_COEFFICIENT
+    per_coefficient = 0.5 * Defaults.AIR_DENSITY.known * area / ball.mass
+    return drag.known * per_coefficient, drag.std * per_coefficient
 
 
 def evidence_of(answers: Answers) -> Evidence:
@@ -223,9 +235,7 @@ def _drag(answers: Answers, time: FloatArray) -> Known:
     metres = 0.5 * ball.diameter / float(np.median(seen.flight.radius_px))
     path = seen.flight.centre_px * metres
     mean = (path[-1] - path[0]) / (time[-1] - time[0])
-    area = math.pi * ball.diameter**2 / 4.0
-    rate = 0.5 * Defaults.AIR_DENSITY.known * Defaults.DRAG_COEFFICIENT.known * area / ball.mass
-    taken = rate * float(np.hypot(*mean)) * float(mean[1])
+    taken = _drag_per_metre(ball)[0] * float(np.hypot(*mean)) * float(mean[1])
     return Known(taken, DRAG_RELATIVE_STD * abs(taken) + 0.01)
 
 

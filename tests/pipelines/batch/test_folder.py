@@ -27,7 +27,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     def tasks(function: object, jobs: list[Job], workers: int):
         for job in jobs:
             done.append(job.clip.name)
-            yield job, ({"clip": str(job.clip), "ball_speed_m_s": 3.0 + len(done)}, "3 m/s")
+            yield job, ({"clip": str(job.clip), "ball_speed_m_s": 3.0 + len(done)}, "3 m/s", ())
 
     monkeypatch.setattr(batch, "run_tasks", tasks)
     return done

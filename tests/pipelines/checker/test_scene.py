@@ -176,3 +176,56 @@ def test_an_input_is_estimated_from_the_others() -> None:
     assert cause.value == pytest.approx(6.0, rel=1e-6)
     assert cause.std / cause.value == pytest.approx(math.sqrt(5e-4), rel=0.3)
     assert weigh(inputs[:2], relations) is None
+
+
+def thrown(lab: Lab, drag: float, speed: float) -> np.ndarray:
+    """Positions in metres, y up, of a ball thrown at 45° through air."""
+    step, place = 1.0 / lab.fps / 20, np.zeros(2)
+    velocity, path = np.array([speed, speed]) / math.sqrt(2.0), []
+    for number in range(int(0.4 * lab.fps) * 20):
+        if number % 20 == 0:
+            path.append(place.copy())
+        pull = -drag * np.hypot(*velocity) * velocity - np.array([0.0, G])
+        velocity = velocity + pull * step
+        place = place + velocity * step
+    return np.array(path)
+
+
+@pytest.mark.parametrize("drag", [0.02, 0.05])
+def test_the_drag_of_the_air_is_no_contradiction(drag: float) -> None:
+    lab = Lab()
+    facts = lab.facts()
+    px = 100.0 + thrown(lab, drag, 9.0) / lab.scale * [1.0, -1.0]
+    facts = replace(facts, centre_px=px + np.random.default_rng(1).normal(0.0, 0.05, px.shape))
+    assert findings_of(replace(facts, drag=(drag, 0.2 * drag))) == ()
+    if drag > 0.03:
+        assert findings_of(facts)
+
+
+def test_a_slanted_view_is_no_contradiction() -> None:
+    lab = Lab()
+    facts = lab.facts()
+    assert facts.grid is not None
+    # a homography that halves the scale over the picture
+    slope = -0.5 / 432.0
+    flat = facts.grid.map
+    tilted = replace(flat, parameters=flat.parameters + np.eye(10)[6] * slope * flat.scale[0])
+    wall = flat(facts.centre_px)
+    seen = tilted.inverse(wall, facts.centre_px)
+    size = np.linalg.det(flat.jacobian(facts.centre_px)) / np.linalg.det(tilted.jacobian(seen))
+    assert facts.radius_px is not None
+    grid = replace(facts.grid, map=tilted)
+    slanted = replace(facts, centre_px=seen, radius_px=facts.radius_px * np.sqrt(size), grid=grid)
+    # the distances of this camera are not known
+    slanted = replace(slanted, camera_distance=None, plane_offset=None)
+    assert findings_of(slanted) == ()
+    assert findings_of(replace(slanted, grid=replace(grid, pitch_m=0.1)))
+
+
+def test_a_value_between_usual_ones_is_the_last_explanation() -> None:
+    lab = Lab()
+    found = only(findings_of(replace(lab.facts(), camera_distance=(2.9, 0.005))))
+    assert found.key == "ratio"
+    likely, unlikely = found.sentence.split("Less likely")
+    assert "distance_to_wall" in likely
+    assert "--wall-grid" in unlikely
