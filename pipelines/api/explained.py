@@ -11,6 +11,7 @@ from mismatch import ExplainedCampaign
 from mismatch.trial_table import TableExplained
 from physics.effects import Effect
 from pipelines.api.quantities import SetupLike, setup_from
+from pipelines.api.wording import worded_for_python
 from pipelines.explain.campaign import explain_files_in_full, explain_table_file
 from pipelines.explain.report import figure_of, verdict_html, write_explain_report
 from pipelines.explain.tabular import TableLike
@@ -73,6 +74,7 @@ class Verdict:
         return verdict_html(self.answer)
 
 
+@worded_for_python
 @checked_values
 def explain(
     *,

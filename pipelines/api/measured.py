@@ -17,12 +17,15 @@ from pipelines.api.quantities import (
     Quantities,
     QuantityView,
     SetupLike,
+    angle_from,
     as_document,
     length_text,
     measure_options,
     point_from,
     setup_from,
 )
+from pipelines.api.shown import correlated, notebook_progress
+from pipelines.api.wording import in_python, worded_for_python
 from pipelines.calibrate.command import find_unattended, session_of
 from pipelines.calibrate.wizard.session import Session, setup_text
 from pipelines.measure import measurement as chain
@@ -35,10 +38,9 @@ from pipelines.measure.files import (
     without_formulas,
 )
 from pipelines.measure.measurement import track_covariance, tracks_as_frame
-from pipelines.model import angle_of
 from pipelines.render import NOISE, RenderOptions, parse_size, planned_scene
 from pipelines.report.page import results_html, write_report
-from pipelines.report.plots import plots_figure
+from pipelines.report.plots import plot_panel, plots_figure
 from pipelines.setup.file import Setup, read_setup
 from pipelines.setup.tables import checked_values
 from sample_videos import Truth, render_clip
@@ -52,8 +54,11 @@ from vision.tracks import Motion
 if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
+    from matplotlib.axes import Axes
     from numpy.typing import NDArray
+    from uncertainties.core import AffineScalarFunc
 
+    from pipelines.api.explained import Verdict
     from pipelines.report.plots import Picture
 
 __all__ = ["CalibratedClip", "Clip", "Measurement", "calibrate", "measure", "render"]
@@ -66,6 +71,8 @@ class Measurement:
     ----------
     record : pipelines.measure.measurement.ClipMeasurement
         Result of the measuring chain.
+    setup : Setup, optional
+        With which it was measured.
 
     Attributes
     ----------
@@ -75,11 +82,13 @@ class Measurement:
         The result itself: tracks in pixels, calibration, fits.
     """
 
-    def __init__(self, record: chain.ClipMeasurement) -> None:
+    def __init__(self, record: chain.ClipMeasurement, setup: Setup | None = None) -> None:
         self.record = record
+        self._setup = Setup() if setup is None else setup
         self.quantities: Mapping[str, QuantityView] = Quantities(
             (*record.quantities, *record.other_speeds), Path(record.info.path).name
         )
+        self._correlated: dict[str, AffineScalarFunc] | None = None
 
     def __getattr__(self, name: str) -> QuantityView:
         quantities = self.__dict__.get("quantities", {})
@@ -98,8 +107,8 @@ class Measurement:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings, as whole sentences."""
-        return self.record.warnings
+        """Warnings, as whole sentences; contradictory inputs and what is assumed come first."""
+        return tuple(map(in_python, self.record.warnings))
 
     @property
     def tracks(self) -> "pd.DataFrame":
@@ -120,15 +129,68 @@ class Measurement:
 
         return pd.DataFrame([without_formulas(measurement_as_row(self.record))])
 
-    def plot(self) -> "Picture":
-        """Gap, speeds, path and residuals as a matplotlib figure.
+    def ufloat(self, name: str) -> "AffineScalarFunc":
+        """A quantity of the package `uncertainties`, with its covariances.
+
+        All quantities of a measurement are correlated as their common sources demand:
+        ``m.ufloat("ball_speed") / m.ufloat("pendulum_speed_before")`` has the right uncertainty.
+
+        Parameters
+        ----------
+        name : str
+
+        Raises
+        ------
+        MeasurementError
+            If there is no value.
+        UsageError
+            For an unknown name.
+        """
+        if name not in self.quantities:
+            raise UsageError(
+                f"a measurement has no {name!r}", hint=f"It has {', '.join(self.quantities)}."
+            )
+        view = self.quantities[name]
+        float(view)
+        if self._correlated is None:
+            self._correlated = correlated(self.quantities, self.record.joint)
+        return self._correlated[view.name]
+
+    @worded_for_python
+    def explain(self, *, setup: SetupLike = None, **options: Any) -> "Verdict":
+        """Where the tracks and the model disagree, and which physics is missing: `explain`.
+
+        Parameters
+        ----------
+        setup : Setup or path, optional
+            Default: the one of the measurement.
+        **options
+            As for `explain`.
+        """
+        from pipelines.api.explained import explain
+
+        tracks = self.tracks
+        swings = None if self.record.tracks.pendulum is None else tracks
+        known = self._setup if setup is None else setup
+        return explain(balls=tracks, pendulum=swings, setup=known, **options)
+
+    @worded_for_python
+    def plot(self, ax: "Axes | None" = None, *, panel: str = "path") -> "Picture | Axes":
+        """Gap, speeds, path and residuals as a matplotlib figure, or one of them on your axes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+        panel : {"gap", "speeds", "path", "residuals"}
+            What is drawn on `ax`.
 
         Raises
         ------
         UsageError
             If there is nothing to draw.
         """
-        return plots_figure(report_input(self.record, None))
+        shown = report_input(self.record, None)
+        return plots_figure(shown) if ax is None else plot_panel(shown, ax, panel)
 
     def overlay(self, path: str | os.PathLike[str]) -> Path:
         """Write a video of the clip with tracks, outlines, grid and landing point."""
@@ -163,6 +225,7 @@ class Measurement:
             return None
 
 
+@worded_for_python
 @checked_values
 def measure(
     path: str | os.PathLike[str],
@@ -221,7 +284,8 @@ def measure(
     options = measure_options(
         setup, fps, ball, wall_grid, ball_at, mass_at, cache=cache, scale=scale
     )
-    return Measurement(measure_clip(Path(path), options))
+    with notebook_progress() as progress:
+        return Measurement(measure_clip(Path(path), options, progress), options.setup)
 
 
 class TimedFrame(NamedTuple):
@@ -312,12 +376,13 @@ class Clip:
         )
 
 
+@worded_for_python
 @checked_values
 def render(
     path: str | os.PathLike[str],
     *,
     setup: SetupLike = None,
-    backswing: Given = "120 deg",
+    backswing: Given | QuantityView = "120 deg",
     ball: str | None = None,
     size: str | tuple[int, int] = (432, 240),
     frames: int | None = None,
@@ -337,8 +402,8 @@ def render(
         The clip to write: .mp4, or another ending that the codec supports.
     setup : Setup or path, optional
         Where it has no value, that of the paper's experiment is used.
-    backswing : float or str
-        deg, or text such as "90 deg".
+    backswing : str or QuantityView
+        Angle with its unit: "90 deg"; or the number ``backswing_deg``.
     ball : str, optional
         A preset, or a ball of the setup.
     size : (width, height) or str
@@ -378,7 +443,7 @@ def render(
         )
     text = size if isinstance(size, str) else f"{size[0]}x{size[1]}"
     options = RenderOptions(
-        backswing=angle_of(str(backswing)),
+        backswing=angle_from("backswing", backswing),
         ball=ball,
         size=parse_size(text),
         frames=frames,
@@ -419,7 +484,7 @@ class CalibratedClip:
             raise CalibrationError(outlook.problem)
         self._session = session
         self.calibration: Calibration = outlook.calibration
-        self.warnings = (*((note,) if note else ()), *outlook.warnings)
+        self.warnings = tuple(map(in_python, (*((note,) if note else ()), *outlook.warnings)))
         title = f"Calibration of {session.answers.scene.info.path.name}"
         found = [
             self._depth("camera_distance", lambda c: c.camera_distance),
@@ -467,6 +532,7 @@ class CalibratedClip:
         return results_html(self._title, self._plain, self.warnings)
 
 
+@worded_for_python
 @checked_values
 def calibrate(
     path: str | os.PathLike[str],

@@ -15,13 +15,14 @@ from pipelines.api.quantities import (
     Quantities,
     QuantityView,
     SetupLike,
+    angle_from,
     as_document,
     as_row,
     setup_from,
 )
+from pipelines.api.wording import worded_for_python
 from pipelines.model import (
     added_effects,
-    angle_of,
     asked,
     flights_figure,
     planned_figure,
@@ -100,10 +101,11 @@ class ModelResult:
         return results_html(self._title, self._plain, self.warnings)
 
 
+@worded_for_python
 @checked_values
 def simulate(
     *,
-    backswing: Given | None = None,
+    backswing: Given | QuantityView | None = None,
     impact_speed: Given | None = None,
     ball: str | None = None,
     cor: Given = "variable",
@@ -115,8 +117,9 @@ def simulate(
 
     Parameters
     ----------
-    backswing : float or str, optional
-        Angle, deg, or text such as "90 deg"; alternatively give `impact_speed`.
+    backswing : str or QuantityView, optional
+        Angle with its unit: "90 deg", or a quantity of `plan`; or the number ``backswing_deg``.
+        Alternatively give `impact_speed`.
     impact_speed : float or str, optional
         m/s.
     ball : str, optional
@@ -144,7 +147,7 @@ def simulate(
     wanted = asked(known, ball, str(cor), None if drag is None else str(drag))
     found = simulate_strike(
         wanted.experiment,
-        backswing=None if backswing is None else angle_of(str(backswing)),
+        backswing=None if backswing is None else angle_from("backswing", backswing),
         impact_speed=None
         if impact_speed is None
         else read_number(impact_speed, measurands.SPEED, "impact_speed"),
@@ -161,6 +164,7 @@ def simulate(
     )
 
 
+@worded_for_python
 @checked_values
 def plan(
     distance: Given,
@@ -202,6 +206,7 @@ def plan(
     )
 
 
+@worded_for_python
 @checked_values
 def cor(
     *,

@@ -16,9 +16,11 @@ from metrology import (
     read_given,
     read_scale,
 )
+from pipelines.api.wording import in_python
 from pipelines.measure.budget import Propagation
 from pipelines.measure.chain import MeasureOptions
 from pipelines.measure.files import column_of, without_formulas
+from pipelines.model import angle_of
 from pipelines.report.inputs import quantity_label, quantity_text
 from pipelines.report.page import results_html
 from pipelines.setup.file import Setup, load_setup
@@ -32,6 +34,7 @@ __all__ = [
     "Quantities",
     "QuantityView",
     "SetupLike",
+    "angle_from",
     "as_document",
     "as_row",
     "length_text",
@@ -72,7 +75,12 @@ class QuantityView:
         """View of a quantity."""
         lines = tuple(sorted(quantity.budget, key=lambda line: -line.std))
         return cls(
-            quantity.name, quantity.value, quantity.std, quantity.unit, quantity.reason, lines
+            quantity.name,
+            quantity.value,
+            quantity.std,
+            quantity.unit,
+            None if quantity.reason is None else in_python(quantity.reason),
+            lines,
         )
 
     @property
@@ -151,9 +159,13 @@ def _plain_number(number: object) -> float:
     if isinstance(number, QuantityView):
         raise UsageError(
             f"the errors of two quantities of one clip ({number.name} and another) are correlated",
-            hint="Compute with float(…), and take the uncertainty from repeated clips.",
+            hint="Compute with m.ufloat(NAME), which keeps their correlation, or with float(…).",
         )
     return float(number)  # type: ignore[arg-type]
+
+
+_OTHER_NAMES = {"backswing": "backswing_angle", "backswing_deg": "backswing_angle"}
+"""Names of options and lab books for quantities of results."""
 
 
 class Quantities(Mapping[str, QuantityView]):
@@ -169,10 +181,12 @@ class Quantities(Mapping[str, QuantityView]):
     def __init__(self, quantities: Iterable[Quantity], title: str = "") -> None:
         self._plain = tuple(quantities)
         self._views = {item.name: QuantityView.of(item) for item in self._plain}
+        self._others = {column_of(item): item.name for item in self._plain} | _OTHER_NAMES
         self._title = title
 
     def __getitem__(self, name: str) -> QuantityView:
-        return self._views[name]
+        """The quantity of a name, also of its column in tables: ``ball_speed_m_s``."""
+        return self._views[name if name in self._views else self._others.get(name, name)]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._views)
@@ -290,6 +304,26 @@ def length_text(length: Given | None) -> str | None:
         raise UsageError(
             f"{length!r} is no length", hint="Write '50 mm', or a number of metres."
         ) from problem
+
+
+def angle_from(name: str, angle: "Given | QuantityView") -> float:
+    """An angle in rad from text with its unit, or from a quantity.
+
+    Raises
+    ------
+    UsageError
+        For a bare number, which may be degrees or radians.
+    """
+    if isinstance(angle, QuantityView):
+        return math.radians(float(angle))
+    try:
+        bare = float(angle)
+    except ValueError:
+        return angle_of(str(angle), name)
+    raise UsageError(
+        f"{name}={angle} has no unit: degrees or radians?",
+        hint=f'Write {name}="{bare:g} deg", or {name}_deg={bare:g}.',
+    )
 
 
 def point_from(option: str, at: At) -> tuple[float, float] | tuple[float, float, int] | None:

@@ -7,7 +7,7 @@ speeds, angle, landing, restitution (Eqs 2, 7-10, 17, 18).
 """
 
 import math
-from collections.abc import Callable, Container
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from calib.calibration import Calibration
 from calib.solve import LOG_FOCAL_STD
-from metrology import Contribution, Defaults, MeasurementError, UncertaintySource
+from metrology import Contribution, Defaults, MeasurementError, Quantity, UncertaintySource
 from physics.bodies import Pendulum
 from pipelines.measure.checks import (
     OTHER_SPEEDS,
@@ -50,9 +50,11 @@ from vision.tracks import Tracks
 __all__ = [
     "DERIVED",
     "ClipConditions",
+    "JointCovariance",
     "Propagation",
     "derived_values",
     "impact_after_move",
+    "joint_covariance",
     "merged",
     "random_covariance",
     "systematic_budget",
@@ -815,3 +817,59 @@ def merged(
     lines += [Contribution(name, float(column[index])) for name, column in table.items()]
     kept = [line for line in lines if np.isfinite(line.std) and line.std > 0]
     return tuple(sorted(kept, key=lambda line: -line.std))
+
+
+@dataclass(frozen=True, eq=False)
+class JointCovariance:
+    """Covariance of the quantities of a clip.
+
+    Attributes
+    ----------
+    names : tuple of str
+    covariance : (N, N) array
+        In their units; the diagonal holds the squares of their std.
+    """
+
+    names: tuple[str, ...]
+    covariance: FloatArray
+
+
+def joint_covariance(
+    quantities: Sequence[Quantity],
+    random: FloatArray,
+    systematic: dict[UncertaintySource, FloatArray],
+    means: Mapping[str, FloatArray],
+) -> JointCovariance:
+    """Covariance of quantities that have common sources; others are independent.
+
+    Parameters
+    ----------
+    quantities : sequence of Quantity
+    random : (Q, Q) array
+        Covariance of the derived values from the tracks' noise.
+    systematic : dict
+        Source to the (Q,) contributions, with their signs.
+    means : mapping of str to (Q,) array
+        Weights of the derived values in quantities that are means of them.
+    """
+    known = [item for item in quantities if item.known and item.std is not None]
+    derived = list(DERIVED)
+    rows = np.zeros((len(known), len(derived)))
+    for row, item in zip(rows, known, strict=True):
+        if item.name in means:
+            row[:] = means[item.name]
+        elif item.name in DERIVED:
+            row[derived.index(item.name)] = 1.0
+    common = np.zeros((len(known), len(known)))
+    if random.size:
+        common = rows @ np.nan_to_num(random) @ rows.T
+        for column in systematic.values():
+            term = rows @ np.nan_to_num(column)
+            common += np.outer(term, term)
+    std = np.array([item.std for item in known], dtype=np.float64)
+    # a quantity whose std was widened for another reason correlates less with the others
+    seen = np.sqrt(np.maximum(np.diag(common), 0.0))
+    scale = np.divide(np.minimum(std, seen), seen, out=np.zeros_like(std), where=seen > 0.0)
+    common *= np.outer(scale, scale)
+    np.fill_diagonal(common, std**2)
+    return JointCovariance(tuple(item.name for item in known), common)

@@ -390,6 +390,7 @@ def measurement_of(
         defaults=followed.inputs.rig.defaults_used,
         findings=findings,
         assumed=found.assumed,
+        joint=found.results.joint,
     )
 
 

@@ -29,6 +29,7 @@ from vision.tracks import Tracks
 __all__ = [
     "ESTIMATES",
     "contradicts_gravity",
+    "cor_weights",
     "fused_cor",
     "gravity_check",
     "scale_std",
@@ -308,21 +309,14 @@ def fused_cor(
     if not estimates:
         return Quantity.missing("cor", "1", str(found["cor_speeds"].reason)), None
     at = [names.index(name) for name in estimates]
-    covariance = random[np.ix_(at, at)].copy()
-    for column in systematic.values():
-        term = np.nan_to_num(column[at])
-        covariance += np.outer(term, term)
-    covariance += np.diag([MODEL_STD[name] ** 2 for name in estimates])
-    covariance += 1e-8 * np.eye(len(at))
-    weight = np.linalg.solve(covariance, np.ones(len(at)))
-    weight /= weight.sum()
-    # common noise can drive weights outside 0..1; negative weights are not used
-    weight = np.clip(weight, 0.0, None)
-    weight /= weight.sum()
+    covariance = _estimates_covariance(random, systematic, estimates)
+    weight = cor_weights(random, systematic, found)[at]
     noise = float(np.sqrt(weight @ random[np.ix_(at, at)] @ weight))
     model = float(np.sqrt(np.square(weight) @ [MODEL_STD[name] ** 2 for name in estimates]))
     # kept by source: contributions common to a setup do not average out over a campaign
-    lines = {source: abs(weight @ np.nan_to_num(col[at])) for source, col in systematic.items()}
+    lines = {
+        source: abs(float(weight @ np.nan_to_num(col[at]))) for source, col in systematic.items()
+    }
     lines[UncertaintySource.COR_MEAN] = model
     fused = Quantity.measured(
         "cor",
@@ -333,6 +327,38 @@ def fused_cor(
     if len(at) < 2:
         return fused, None
     return fused, _agreement(values[at], covariance, estimates)
+
+
+def cor_weights(
+    random: FloatArray,
+    systematic: dict[UncertaintySource, FloatArray],
+    found: dict[str, Quantity],
+) -> FloatArray:
+    """Weight of each derived value in the mean of the COR estimates; zeros without any."""
+    names = list(DERIVED)
+    estimates = [name for name in ESTIMATES if found[name].known]
+    weights = np.zeros(len(names))
+    if not estimates:
+        return weights
+    covariance = _estimates_covariance(random, systematic, estimates)
+    weight = np.linalg.solve(covariance, np.ones(len(estimates)))
+    weight /= weight.sum()
+    # common noise can drive weights outside 0..1; negative weights are not used
+    weight = np.clip(weight, 0.0, None)
+    weights[[names.index(name) for name in estimates]] = weight / weight.sum()
+    return weights
+
+
+def _estimates_covariance(
+    random: FloatArray, systematic: dict[UncertaintySource, FloatArray], estimates: list[str]
+) -> FloatArray:
+    at = [list(DERIVED).index(name) for name in estimates]
+    covariance = random[np.ix_(at, at)].copy()
+    for column in systematic.values():
+        term = np.nan_to_num(column[at])
+        covariance += np.outer(term, term)
+    covariance += np.diag([MODEL_STD[name] ** 2 for name in estimates])
+    return np.asarray(covariance + 1e-8 * np.eye(len(at)))
 
 
 def _agreement(values: FloatArray, covariance: FloatArray, estimates: list[str]) -> Check:

@@ -11,6 +11,7 @@ from calib.calibration import Calibration
 from calib.grid import WallGrid
 from metrology import NotFoundError, Quantity
 from pipelines.checker.scene import Finding
+from pipelines.measure.budget import JointCovariance
 from pipelines.measure.impact import Impact
 from pipelines.measure.inputs import QUANTITY_UNITS
 from pipelines.measure.metres import CameraMapping, MetricTracks
@@ -96,6 +97,8 @@ class ClipMeasurement:
         Inputs that contradict each other, each with cause and cure; they lead the warnings.
     assumed : tuple of str
         Warnings about what is assumed since it was not given.
+    joint : JointCovariance or None
+        Covariance of the known quantities.
     """
 
     info: ClipInfo
@@ -112,6 +115,7 @@ class ClipMeasurement:
     defaults: tuple[RigNumber, ...] = ()
     findings: tuple[Finding, ...] = ()
     assumed: tuple[str, ...] = ()
+    joint: JointCovariance | None = None
 
     @property
     def motion(self) -> Motion:

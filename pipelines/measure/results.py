@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 
 from calib.calibration import Calibration
 from metrology import Contribution, Quantity, UncertaintySource
-from pipelines.measure.budget import DERIVED, ClipConditions, merged
+from pipelines.measure.budget import (
+    DERIVED,
+    ClipConditions,
+    JointCovariance,
+    joint_covariance,
+    merged,
+)
 from pipelines.measure.checks import (
     CONTACT,
     COR,
@@ -34,6 +40,7 @@ from pipelines.measure.flight_fit import MAX_CONTACT_S
 from pipelines.measure.gravity import (
     ESTIMATES,
     contradicts_gravity,
+    cor_weights,
     fused_cor,
     gravity_check,
 )
@@ -193,6 +200,7 @@ class Results:
     gravity: Quantity
     checks: tuple[Check, ...]
     warnings: tuple[str, ...]
+    joint: JointCovariance
 
 
 def results_of(
@@ -219,7 +227,9 @@ def results_of(
         found |= _geometry(evaluated, found, no_grid.reason, motion)
     if _asked(wanted, {QuantityName.BACKSWING_ANGLE}):
         found["backswing_angle"] = _backswing(evaluated)
-    cor, agreement = fused_cor(evaluated.values, evaluated.random, evaluated.systematic, found)
+    random, systematic = evaluated.random, evaluated.systematic
+    cor, agreement = fused_cor(evaluated.values, random, systematic, found)
+    weights = cor_weights(random, systematic, found)
     found["cor"] = cor
     gravity, by_gravity = gravity_check(found["gravity"], evaluated.scene)
     speeds = compare_speeds(found)
@@ -252,6 +262,7 @@ def results_of(
         gravity,
         tuple(checks),
         tuple(item.statement for item in checks if item.outcome is CheckOutcome.FAILED),
+        joint_covariance([*found.values(), *other_speeds], random, systematic, {"cor": weights}),
     )
 
 

@@ -19,6 +19,7 @@ __all__ = [
     "Picture",
     "panel_svg",
     "panels_of",
+    "plot_panel",
     "plots_figure",
     "save_figure",
     "write_plot",
@@ -117,13 +118,7 @@ def plots_figure(report: ReportInput) -> Picture:
     UsageError
         If there is nothing to draw.
     """
-    panels = panels_of(report)
-    if not panels:
-        raise UsageError(
-            "there is nothing to plot: curves need a strike measured in metres",
-            hint="Omit --plot and use --report or --overlay. For curves give a scale, or point at "
-            "the ball with --ball-at X,Y.",
-        )
+    panels = _required(report)
     columns = 2 if len(panels) > 1 else 1
     rows = -(-len(panels) // columns)
     with matplotlib.rc_context(STYLE):
@@ -135,6 +130,47 @@ def plots_figure(report: ReportInput) -> Picture:
         for axes in grid[len(panels) :]:
             axes.set_axis_off()
     return figure
+
+
+def _required(report: ReportInput) -> tuple[Panel, ...]:
+    panels = panels_of(report)
+    if not panels:
+        raise UsageError(
+            "there is nothing to plot: curves need a strike measured in metres",
+            hint="Omit --plot and use --report or --overlay. For curves give a scale, or point at "
+            "the ball with --ball-at X,Y.",
+        )
+    return panels
+
+
+PANELS = {"gap": "Gap", "speeds": "Speeds", "path": "Path", "residuals": "Residuals"}
+"""Short names of the panels: first words of their titles."""
+
+
+def plot_panel(report: ReportInput, axes: Axes, name: str) -> Axes:
+    """Draw one panel on given axes.
+
+    Parameters
+    ----------
+    report : ReportInput
+    axes : Axes
+    name : {"gap", "speeds", "path", "residuals"}
+
+    Raises
+    ------
+    UsageError
+        If there is no such panel, or nothing to draw on it.
+    """
+    drawn = {
+        short: panel
+        for panel in _required(report)
+        for short, first in PANELS.items()
+        if panel[0].startswith(first)
+    }
+    if name not in drawn:
+        raise UsageError(f"there is no panel {name!r}", hint=f"There are {', '.join(drawn)}.")
+    _fill(axes, drawn[name])
+    return axes
 
 
 def write_plot(path: Path, report: ReportInput) -> None:

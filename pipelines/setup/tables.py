@@ -296,6 +296,7 @@ def checked_values(function: Callable[Values, Result]) -> Callable[Values, Resul
     @wraps(function)
     def called(*values: Values.args, **named: Values.kwargs) -> Result:
         takes = f"It takes {', '.join(known)}."
+        _rename(named, known)
         for name in named.keys() - set(known):
             raise UsageError(f"{asked} has no {name!r}{nearest(name, known)}", hint=takes)
         try:
@@ -315,6 +316,16 @@ def checked_values(function: Callable[Values, Result]) -> Callable[Values, Resul
         return function(*values, **named)
 
     return called
+
+
+def _rename(named: dict[str, Any], known: Sequence[str]) -> None:
+    """Other names of an argument that takes an angle: ``backswing_deg=90``, ``backswing_angle``."""
+    for other in [name for name in named if name not in known]:
+        stem = other.removesuffix("_deg").removesuffix("_angle")
+        if stem != other and stem in known and stem not in named:
+            value = named.pop(other)
+            number = isinstance(value, Real) and other.endswith("_deg")
+            named[stem] = f"{float(value)!r} deg" if number else value
 
 
 @cache

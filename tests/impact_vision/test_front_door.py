@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import math
 import re
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 
 import impact_vision as iv
 import sample_videos
@@ -133,6 +135,43 @@ def test_its_tracks_can_be_explained_directly(measured: iv.Measurement) -> None:
     assert flight.plot().axes
 
 
+def test_quantities_are_correlated_as_their_sources_are(measured: iv.Measurement) -> None:
+    after, before, speed = (
+        measured.ufloat(name)
+        for name in ("pendulum_speed_after", "pendulum_speed_before", "ball_speed")
+    )
+    for number, view in ((before, measured.pendulum_speed_before), (speed, measured.ball_speed)):
+        assert (number.n, number.s) == pytest.approx((view.value, view.std))
+    # Eq. 2 from its three speeds; the scale of the picture cancels
+    e = (speed - after) / before
+    independent = math.hypot(speed.s, after.s, e.n * before.s) / before.n
+    assert e.n == pytest.approx(measured.cor_speeds.value, abs=0.03)
+    assert not math.isclose(e.s, independent, rel_tol=0.01)
+    assert (measured.ufloat("cor") - measured.ufloat("cor")).s == 0.0
+    cor, estimate = measured.ufloat("cor"), measured.ufloat("cor_speeds")
+    assert (cor - estimate).s < math.hypot(cor.s, estimate.s)
+    with pytest.raises(UsageError, match="no 'speed'"):
+        measured.ufloat("speed")
+    with pytest.raises(MeasurementError):
+        measured.ufloat("swing_period")
+
+
+def test_a_measurement_is_explained_and_drawn_on_axes(
+    measured: iv.Measurement, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: dict[str, object] = {}
+    monkeypatch.setattr("pipelines.api.explained.explain", lambda **words: asked.update(words))
+    measured.explain(hold_out=("1",))
+    assert set(asked) == {"balls", "pendulum", "setup", "hold_out"}
+    assert asked["setup"].ball is not None
+    axes = Figure().subplots()
+    assert measured.plot(ax=axes) is axes
+    assert axes.lines
+    assert measured.plot(ax=Figure().subplots(), panel="speeds").get_title() == "Speeds"
+    with pytest.raises(UsageError, match="no panel 'speed'"):
+        measured.plot(ax=axes, panel="speed")
+
+
 def test_a_clip_is_frames_and_times() -> None:
     clip = iv.Clip(CLIP, fps=600)
     times = [time for image, time in clip if image.shape == (116, 208)]
@@ -147,7 +186,7 @@ def test_a_clip_is_frames_and_times() -> None:
 
 def test_simulate_plan_and_cor_are_consistent() -> None:
     planned = iv.plan("2 m", ball="jokku")
-    struck = iv.simulate(backswing=planned.backswing_angle.value, ball="jokku")
+    struck = iv.simulate(backswing=planned.backswing_angle, ball="jokku")
     assert struck.landing_distance.value == pytest.approx(2.0, abs=0.002)
     assert planned.to_dict()["quantities"]["impact_speed"]["unit"] == "m/s"
     assert struck.to_frame()["landing_distance_m"].item() == struck.landing_distance.value
@@ -227,8 +266,11 @@ def test_too_few_and_too_many_values_are_refused() -> None:
         (lambda: iv.Setup().having("ball"), "having: keys can't be 'ball'"),
         (lambda: iv.Setup().having({3: "jokku"}), "having: keys can't be"),
         (lambda: iv.simulate(backswing=[60, 90]), "backswing can't be"),
-        (lambda: iv.simulate(backswing=60, effects="magnus:spin=10"), "effects can't be 'magnus"),
-        (lambda: iv.simulate(backswing=60, setup={"ball": "jokku"}), "setup can't be"),
+        (
+            lambda: iv.simulate(backswing_deg=60, effects="magnus:spin=10"),
+            "effects can't be 'magnus",
+        ),
+        (lambda: iv.simulate(backswing_deg=60, setup={"ball": "jokku"}), "setup can't be"),
         (lambda: iv.measure(None), "path can't be None"),
         (lambda: iv.measure(CLIP, setup=3), "setup can't be 3"),
         (lambda: iv.Clip(CLIP).frame("3"), "index can't be '3'"),
@@ -246,7 +288,7 @@ def test_a_value_of_another_kind_is_refused(asked: Callable[[], object], said: s
 
 
 def test_numbers_and_points_may_be_numpy_types() -> None:
-    angle = iv.simulate(backswing=np.float32(90), ball="jokku").backswing_angle.value
+    angle = iv.simulate(backswing_deg=np.float32(90), ball="jokku").backswing_angle.value
     assert angle == pytest.approx(90.0)
     assert iv.Clip(CLIP).frame(np.int64(2)).time_s > 0.0
     with pytest.raises(ClipError):
@@ -268,7 +310,7 @@ def test_the_cache_option_reaches_the_chain(
 ) -> None:
     asked: list[bool] = []
 
-    def chain(path: Path, options: MeasureOptions) -> object:
+    def chain(path: Path, options: MeasureOptions, _: object) -> object:
         asked.append(options.cache)
         return measured.record
 

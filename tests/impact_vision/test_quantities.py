@@ -1,10 +1,15 @@
-"""Display of quantities in a notebook."""
+"""Quantities in a notebook: display, arithmetic, names and messages."""
+
+from pathlib import Path
 
 import pytest
 
 import impact_vision as iv
 from metrology import Contribution, MeasurementError, Quantity, UncertaintySource, UsageError
+from pipelines.api.quantities import Quantities
+from pipelines.api.wording import in_python
 
+SPEED = Quantity("ball_speed", 3.0, 0.1, "m/s")
 FIRST, SECOND = list(UncertaintySource)[:2]
 
 
@@ -40,3 +45,56 @@ def test_several_clips_are_for_a_campaign() -> None:
     with pytest.raises(UsageError) as refusal:
         iv.measure(["a.mp4", "b.mp4"])  # type: ignore[arg-type]
     assert "iv.campaign" in str(refusal.value.hint)
+
+
+@pytest.mark.parametrize(
+    ("command", "python"),
+    [
+        ("Pass --wall-grid 50mm.", 'Pass wall_grid="50mm".'),
+        ("for example --fps 240 --ball 220mm (or", 'for example fps=240, ball="220mm" (or'),
+        ("instead: --scale '410 px/m')", 'instead: scale="410 px/m")'),
+        ("point at it with --ball-at 12,88,3.", "point at it with ball_at=(12, 88, 3)."),
+        ("with --mass-at X,Y and --ball-at X,Y", "with mass_at=(X, Y) and ball_at=(X, Y)"),
+        ("check --wall-grid and --ball, and that", "check wall_grid and ball, and that"),
+        ("Pass --fps RATE, or set capture_fps", "Pass fps=RATE, or set capture_fps"),
+        ("give --ball jokku or a setup file", 'give ball="jokku" or a setup file'),
+    ],
+)  # fmt: skip
+def test_messages_name_arguments(command: str, python: str) -> None:
+    assert in_python(command) == python
+
+
+def test_errors_of_functions_name_arguments(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="scale and wall_grid") as refusal:
+        iv.measure(tmp_path, scale="1 mm/px", wall_grid="50mm")
+    assert "--" not in str(refusal.value)
+    with pytest.raises(UsageError) as refusal:
+        iv.measure(tmp_path, ball_at="here")
+    assert "--" not in str(refusal.value)
+
+
+def test_an_angle_needs_its_unit() -> None:
+    with pytest.raises(UsageError, match="degrees or radians") as refusal:
+        iv.simulate(backswing=90)
+    assert 'backswing="90 deg"' in str(refusal.value)
+    with pytest.raises(UsageError, match="degrees or radians"):
+        iv.render("a.mp4", backswing="90")
+    asked = (
+        {"backswing": "90 deg"}, {"backswing_deg": 90}, {"backswing_angle": "1.5707963267949 rad"},
+    )  # fmt: skip
+    found = [iv.simulate(**names, ball="jokku") for names in asked]  # type: ignore[arg-type]
+    speeds = [one.impact_speed.value for one in found]
+    assert speeds == pytest.approx([speeds[0]] * 3)
+    again = iv.simulate(backswing=found[0].backswing, ball="jokku")
+    assert again.impact_speed.value == pytest.approx(speeds[0])
+    with pytest.raises(UsageError, match="backswing_deg"):
+        iv.simulate(backswing="90 deg", backswing_deg=90)  # type: ignore[call-arg]
+
+
+def test_other_names_of_a_quantity_find_it() -> None:
+    quantities = Quantities([Quantity("backswing_angle", 90.0, 1.0, "deg"), SPEED])
+    for name in ("backswing", "backswing_deg", "backswing_angle", "backswing_angle_deg"):
+        assert quantities[name].name == "backswing_angle"
+    assert quantities["ball_speed_m_s"] is quantities["ball_speed"]
+    assert list(quantities) == ["backswing_angle", "ball_speed"]
+    assert "speed" not in quantities
