@@ -7,7 +7,7 @@ with a column of parameter values per row.
 
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias, TypeVar
+from typing import Literal, Protocol, TypeAlias, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,7 @@ __all__ = [
     "NUISANCES",
     "OUTSIDE",
     "BatchTerm",
+    "ByTrial",
     "Forward",
     "ForwardModel",
     "Mode",
@@ -65,6 +66,15 @@ class OwnStrength:
     name: str
     level: Level
     spread: float
+
+
+@runtime_checkable
+class ByTrial(Protocol):
+    """An effect that holds a value for each trial."""
+
+    def of_trials(self, rows: NDArray[np.int64]) -> Effect:
+        """The effect for some trials alone, in order."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -106,6 +116,16 @@ class ForwardModel:
         held = [one for one, _ in entries]
         own = tuple(s for s in self.own if any(s.effect is one for one in held))
         return replace(self, entries=entries, own=own)
+
+    def of_trials(self, rows: NDArray[np.int64], cut: dict[int, Effect]) -> "ForwardModel":
+        """Model for some trials alone; `cut` keeps one object for each effect (by its id)."""
+        if not any(isinstance(effect, ByTrial) for effect, _ in self.entries):
+            return self
+        for effect, _ in self.entries:
+            if isinstance(effect, ByTrial):
+                cut.setdefault(id(effect), effect.of_trials(rows))
+        entries = tuple((cut.get(id(effect), effect), values) for effect, values in self.entries)
+        return replace(self, entries=entries)
 
     @property
     def scatters_within_reason(self) -> bool:
@@ -262,6 +282,15 @@ class Forward:
     pace: float = 1.0
     thrown_share: int = 1
     uneven: float = 0.0
+
+    def of_trials(self, rows: NDArray[np.int64]) -> "Forward":
+        """Predictor of some trials alone, in order."""
+        return replace(
+            self,
+            records=self.records.of_trials(rows),
+            flight_time=self.flight_time[rows],
+            swing_time=self.swing_time[rows],
+        )
 
     def predict(self, models: Sequence[ForwardModel], nuisance: FloatArray) -> FloatArray:
         """Stacked records as the models have them.

@@ -325,6 +325,9 @@ class Records:
     slow : (3, K) array
         Variance of a ball's slowest errors by coordinate, beyond that of white noise and in its
         units; empty where they are no larger.
+    places : (T,) array
+        Place of each trial in the campaign that these trials are a part of, −½ to ½; empty where
+        they are all.
     """
 
     ball_time: FloatArray
@@ -345,6 +348,7 @@ class Records:
     session_names: tuple[str, ...] = ()
     jitter: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 3)))
     slow: FloatArray = field(default_factory=lambda: np.zeros((3, 0)))
+    places: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def groups(self, level: Level) -> tuple[NDArray[np.int64], tuple[str, ...]]:
         """Which trials share a value at a level: group of each trial (T,), names of the groups.
@@ -365,6 +369,8 @@ class Records:
     @property
     def order(self) -> FloatArray:
         """(T,) place of each trial in the campaign, −½ to ½."""
+        if self.places.size:
+            return self.places
         count = self.trials
         return np.arange(count) / max(count - 1, 1) - 0.5
 
@@ -481,6 +487,15 @@ class Records:
             pendulum_used=self.pendulum_used & kept[:, 3 * s :],
         )
 
+    def of_trials(self, rows: NDArray[np.int64]) -> "Records":
+        """Records of some trials alone, in order; groups keep their names."""
+        each = {
+            name: value[rows]
+            for name, value in vars(self).items()
+            if name in _BY_TRIAL and len(value) == self.trials
+        }
+        return replace(self, **each, places=self.order[rows])
+
     def chosen(self, trials: NDArray[np.bool_]) -> "Records":
         """Records in which only the marked trials (T,) still take part."""
         return replace(
@@ -489,6 +504,15 @@ class Records:
             pendulum_used=self.pendulum_used & trials[:, None],
         )
 
+
+_BY_TRIAL = frozenset(
+    {
+        "ball_time", "position", "ball_used", "pendulum_time", "pendulum_angle", "pendulum_used",
+        "sigma", "backswing", "mass", "diameter", "launch_angle", "ball_index", "session_index",
+        "jitter",
+    }
+)  # fmt: skip
+"""Fields of `Records` with a row for each trial."""
 
 ROWS_OF_A_COSINE = 3
 """Rows for each slow cosine at least, lest what is called slow be all there is."""
@@ -606,6 +630,14 @@ PACES = 7
 
 """Groups of cosines, octaves from slow to fast, by which a shape is held against the powers."""
 
+EACH_COSINE = 200
+"""Cosines of a record up to which each one's expected power is computed; beyond, a polynomial takes
+less than 1e-3 of it along. Chosen; insensitive between 100 and all of them
+(tests/mismatch/records/test_spectrum.py)."""
+
+COSINE_STEP = 0.02
+"""Relative distance of the cosines computed beyond: the power between them is off by 1e-4 of it."""
+
 SHARES = np.linspace(0.03, 0.99, 33)
 
 """Shares of correlated noise that are tried, 3 % apart. Some white noise is always left of pixels,
@@ -639,6 +671,16 @@ def _density(share: float, rho: float, omega: FloatArray) -> FloatArray:
     return np.asarray(1.0 - share + share * shape)
 
 
+def _orders(size: int) -> NDArray[np.int64]:
+    """Cosines of a record whose expected power is computed; the power between them is smooth."""
+    each = np.arange(DEGREE + 2, min(size, EACH_COSINE))
+    if size <= EACH_COSINE:
+        return each
+    count = int(np.ceil(np.log(size / EACH_COSINE) / COSINE_STEP)) + 1
+    rest = np.geomspace(EACH_COSINE, size - 1, count).astype(np.int64)
+    return np.concatenate([each, np.unique(rest)])
+
+
 @lru_cache(maxsize=512)
 def _expected(size: int) -> tuple[FloatArray, FloatArray]:
     """Powers that noise of unit variance leaves in the cosines kept: white (n,), correlated (R, n).
@@ -646,12 +688,19 @@ def _expected(size: int) -> tuple[FloatArray, FloatArray]:
     A polynomial takes its part of slow noise along, from cosines beyond its degree as well.
     """
     basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, size), DEGREE + 1))
-    look = dct(np.eye(size) - basis @ basis.T, norm="ortho", axis=0)[DEGREE + 2 :]
+    orders = _orders(size)
+    seen = np.sqrt(2.0 / size) * np.cos(np.pi / size * np.outer(orders, np.arange(size) + 0.5))
+    seen -= (seen @ basis) @ basis.T
     # A row's power under a memory of rho^|i - j| is what it has in common with itself, lag by lag.
     padded = next_fast_len(2 * size, real=True)
-    lags = irfft(np.abs(rfft(look, padded, axis=1)) ** 2, padded, axis=1)[:, :size]
+    lags = irfft(np.abs(rfft(seen, padded, axis=1)) ** 2, padded, axis=1)[:, :size]
     lags[:, 1:] *= 2.0
-    return np.sum(look * look, axis=1), RHOS[:, None] ** np.arange(size) @ lags.T
+    white, slow = np.sum(seen * seen, axis=1), RHOS[:, None] ** np.arange(size) @ lags.T
+    every = np.arange(DEGREE + 2, size)
+    if orders.size == every.size:
+        return white, slow
+    filled = np.array([np.interp(every, orders, one) for one in (white, *slow)])
+    return filled[0], filled[1:]
 
 
 @dataclass(frozen=True)

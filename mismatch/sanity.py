@@ -23,7 +23,7 @@ from mismatch.fitting.prepare import Prepared, prepare
 from mismatch.forward import Forward
 from mismatch.records import CampaignRecords, Trial
 from physics.domain import FloatArray, Number
-from physics.effects import CATALOGUE, Values
+from physics.effects import CATALOGUE, Effect, Values
 from physics.effects.measurement import DroppedFrames
 
 __all__ = [
@@ -476,6 +476,10 @@ class DroppedInEach(DroppedFrames):
     form: str = "at an instant of its own in each trial"
     instants: tuple[float, ...] = ()
     looks: float = 0.0
+
+    def of_trials(self, rows: NDArray[np.int64]) -> Effect:
+        """The jumps of some trials alone, in order."""
+        return replace(self, instants=tuple(self.instants[int(row)] for row in rows))
 
     def clock(self, values: Values, time: Number) -> Number:
         """Jump once in each trial."""

@@ -913,6 +913,11 @@ CLOSINGS = 6
 
 """Newton's steps that close gaps; each squares what is left."""
 
+BEHIND = 2.0
+"""Misfit over that of the best fit so far from which a fit of a swing is left, if steps that gain
+as much as the last one would leave it there. Chosen; insensitive between 1.5 and 10: a law of a
+swing ends near the noise or far off."""
+
 CREEPING = 0.5
 
 """Share of its cost that a step must take away, lest a fit that is far behind be left."""
@@ -1430,8 +1435,9 @@ class _SwingFit:
     def descended(self, place: _PlaceOfArcs, hopeless: float) -> tuple[_PlaceOfArcs, bool]:
         """Where steps end, and whether they were given up."""
         damping = 0.0
-        for _ in range(STEPS_OF_ARCS):
+        for left in reversed(range(STEPS_OF_ARCS)):
             normal = self.normal(place)
+            before = damping
             for _ in range(8):
                 moved = self.moved(place, normal.step(damping), 1.0 / (1.0 + damping))
                 if moved.cost < place.cost:
@@ -1440,12 +1446,15 @@ class _SwingFit:
             else:
                 break
             gained, place = place.cost - moved.cost, moved
-            damping = 0.0 if damping < 0.3 else 0.2 * damping
+            if damping == before:
+                damping = 0.0 if damping < 0.3 else 0.2 * damping
             if gained < SETTLED + 1e-6 * place.cost:
                 break
             if place.cost > hopeless and gained < CREEPING * place.cost:
                 return place, True
-        return place, place.cost > hopeless
+            if place.cost - left * gained > BEHIND * hopeless / LOST:
+                return place, True
+        return place, place.cost > BEHIND * hopeless / LOST
 
     def shut(self, place: _PlaceOfArcs) -> _PlaceOfArcs:
         """The same values with the gaps closed, as far as Newton's steps close them."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.polynomial import legendre
+from numpy.typing import NDArray
 
 from metrology import Defaults
 from mismatch.candidates import Candidate, start_values, steps_of
@@ -31,7 +32,7 @@ from mismatch.fitting.scan import (
     slopes_left,
     with_own_strengths,
 )
-from mismatch.forward import Forward, ForwardModel
+from mismatch.forward import ByTrial, Forward, ForwardModel
 from physics.domain import FloatArray, Number, Vector
 from physics.effects import (
     CATALOGUE,
@@ -117,6 +118,10 @@ class FormError(Effect):
     low: float = 0.0
     high: float = 1.0
     part: str = ""
+
+    def of_trials(self, rows: NDArray[np.int64]) -> Effect:
+        """The error of the law for some trials alone."""
+        return replace(self, of=self.of.of_trials(rows)) if isinstance(self.of, ByTrial) else self
 
     @property
     def hooks(self) -> frozenset[str]:
@@ -702,7 +707,7 @@ def fit_hypothesis(
         again = _fitted_from(forward, base, members, small, origin, rounds, swing)
         fit = min(fit, again, key=lambda one: one.objective)
     if rounds >= WHOLE_ROUNDS and fit.objective <= abandon:
-        fit = _with_shapes_released(forward, base, members, fit, rounds, swing)
+        fit = _with_shapes_released(forward, base, members, fit, rounds, swing, abandon)
     # In free swings the catalogue's laws are each other's errors of form: zeroth, first and second
     # power of the rate. Loose ones would pass for any sum of them.
     form = EXACT if forward.mode == "swing" else form_evidence(forward, fit, added)
@@ -725,13 +730,15 @@ def _with_shapes_released(
     fit: Fit,
     rounds: int,
     swing: SwingStart,
+    abandon: float,
 ) -> Fit:
     """The fit continued until the hold on its shapes no longer matters.
 
     Each fit holds places, times and widths near where it starts. That hold keeps steps short; it is
-    no knowledge, so a fit that moved them is started again from where it ended.
+    no knowledge, so a fit that moved them is started again from where it ended, unless as much gain
+    in each further round would leave it above `abandon`.
     """
-    for _ in range(MAX_RELEASES):
+    for left in reversed(range(MAX_RELEASES)):
         placed, strengths = as_fitted(members, fit)
         moves = [
             (value - dict(old.shape).get(name, value)) / scales[name]
@@ -743,9 +750,12 @@ def _with_shapes_released(
             break
         arcs = replace(swing, arcs=fit.arcs)
         again = _fitted_from(forward, base, placed, strengths, fit, rounds, arcs)
-        if not fit.objective - again.objective > SLACK:
+        gained = fit.objective - again.objective
+        if not gained > SLACK:
             break
         fit, members = again, placed
+        if fit.objective - left * gained > abandon:
+            break
     return fit
 
 

@@ -6,7 +6,7 @@ of their spread is a closed formula (empirical Bayes: Efron and Morris, J. Am. S
 (1975)), and the spread of highest evidence is used.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -393,6 +393,10 @@ LINEAR_SHARE = 0.5
 
 """Share of a step by which the linear look may misjudge it; assumed."""
 
+TRIALS_AT_ONCE = 20
+"""Trials that a scan holds at once: it needs some 3 MB for each, whatever their number. Chosen;
+insensitive between 10 and 100."""
+
 LANES_AT_ONCE = 48
 
 """Trajectories integrated at once, so that their states stay within a processor's cache."""
@@ -520,72 +524,128 @@ def _evidence(block: FloatArray, score: FloatArray, held: FloatArray) -> float:
     return float(score @ np.linalg.solve(block + np.diag(held), score)) - price(block, held)
 
 
-def scan(forward: Forward, fit: Fit, candidates: Sequence[Candidate]) -> Scan:
-    """Score candidates around a fitted model."""
-    models: list[ForwardModel] = []
-    sizes: list[float] = []
-    starts: list[float] = []
-    columns: list[tuple[int, ...]] = []
+@dataclass(frozen=True)
+class _Steps:
+    """Models that differ from a fit's by one small step of one strength of a candidate.
+
+    Attributes
+    ----------
+    models, sizes, starts : list
+        One for each strength: the model, the step, and where the strength starts.
+    columns : list of tuple of int
+        Which of them belong to each candidate.
+    """
+
+    models: list[ForwardModel]
+    sizes: list[float]
+    starts: list[float]
+    columns: list[tuple[int, ...]]
+
+
+def _steps_from(fit: Fit, candidates: Sequence[Candidate]) -> _Steps:
+    steps = _Steps([], [], [], [])
     for candidate in candidates:
         values = start_values(candidate, fit.model)
-        mine = []
-        for parameter, step, moved in steps_of(candidate, values):
-            mine.append(len(models))
-            models.append(fit.model.having(candidate.effect, moved).order())
-            sizes.append(step)
-            starts.append(values[parameter.name])
-        columns.append(tuple(mine))
-    free = list(fit.free)
-    base = _linearised(forward, _place_of(fit), free)
-    held = base.shared.shape[-1]
-    blocks = [base.shared]
-    for first in range(0, len(models), LANES_AT_ONCE):
-        part = _linearised(
-            forward, _place_of(fit), (),
-            models[first : first + LANES_AT_ONCE], sizes[first : first + LANES_AT_ONCE],
-        )  # fmt: skip
-        blocks.append(part.shared[..., fit.law_offsets.size :])
-    shared = np.concatenate(blocks, axis=-1)
-    laws = fit.law_offsets.size
-    held_back = held_information(free)
-    base.shared_prior[laws:] += held_back
-    prior = np.concatenate([base.shared_prior, np.zeros(len(models))])
-    own_prior, law_prior = priors(forward, fit.model)
-    kept = own_prior < 1e15
-    own_pull = np.where(kept, -fit.nuisance * np.where(kept, own_prior, 0.0), 0.0)
-    shared_pull = np.zeros(shared.shape[-1])
-    if laws:
-        shared_pull[:laws] = (-fit.law_offsets * law_prior).reshape(-1)
-    values_now = np.array([fit.value(index)[0] for index in range(len(free))])
-    shared_pull[laws : laws + len(free)] = -values_now * held_back
-    system = Linearised(base.residual, base.own, shared, base.prior, prior)
-    matrix, vector, _, _ = reduce(system, own_pull, shared_pull)
-    if held:
-        a, b = matrix[:held, :held], matrix[:held, held:]
-        diagonal = np.diag(a)
-        scale = np.where(diagonal > 1e-200, 1.0 / np.sqrt(np.maximum(diagonal, 1e-200)), 0.0)
-        scaled = a * scale[:, None] * scale + 1e-9 * np.eye(held)
-        middle = np.linalg.solve(scaled, b * scale[:, None]) * scale[:, None]
-        matrix, vector = (
-            matrix[held:, held:] - b.T @ middle,
-            vector[held:] - middle.T @ vector[:held],
+        first = len(steps.models)
+        for parameter, size, moved in steps_of(candidate, values):
+            steps.models.append(fit.model.having(candidate.effect, moved).order())
+            steps.sizes.append(size)
+            steps.starts.append(values[parameter.name])
+        steps.columns.append(tuple(range(first, len(steps.models))))
+    return steps
+
+
+def _in_parts(
+    forward: Forward, fit: Fit, steps: _Steps
+) -> Iterator[tuple[Forward, _Place, _Steps]]:
+    """The campaign in parts of `TRIALS_AT_ONCE` trials; free swings, which are few, as a whole."""
+    place, trials = _place_of(fit), forward.records.trials
+    if forward.mode == "swing" or trials <= TRIALS_AT_ONCE:
+        yield forward, place, steps
+        return
+    for rows in np.array_split(np.arange(trials), -(-trials // TRIALS_AT_ONCE)):
+        cut: dict[int, Effect] = {}
+        model = place.model.of_trials(rows, cut)
+        models = [one.of_trials(rows, cut) for one in steps.models]
+        yield (
+            forward.of_trials(rows),
+            replace(place, model=model, nuisance=place.nuisance[rows]),
+            replace(steps, models=models),
         )
+
+
+def _with_steps(forward: Forward, place: _Place, free: Sequence[Free], steps: _Steps) -> Linearised:
+    """The system about a fit, with a column for each step after those of the fit; rows in use."""
+    base = _linearised(forward, place, free)
+    used = forward.records.used.any(axis=0)
+    blocks = [base.shared[:, used]]
+    for first in range(0, len(steps.models), LANES_AT_ONCE):
+        lanes = slice(first, first + LANES_AT_ONCE)
+        part = _linearised(forward, place, (), steps.models[lanes], steps.sizes[lanes])
+        blocks.append(part.shared[:, used, place.laws.size :])
+    prior = np.concatenate([base.shared_prior, np.zeros(len(steps.models))])
+    return Linearised(
+        base.residual[:, used], base.own[:, used], np.concatenate(blocks, axis=-1), base.prior,
+        prior,
+    )  # fmt: skip
+
+
+def scan(forward: Forward, fit: Fit, candidates: Sequence[Candidate]) -> Scan:
+    """Score candidates around a fitted model."""
+    steps = _steps_from(fit, candidates)
+    laws, held = fit.law_offsets.size, fit.law_offsets.size + len(fit.free)
+    own_prior, law_prior = priors(forward, fit.model)
+    held_back = held_information(fit.free)
+    values_now = np.array([fit.value(index)[0] for index in range(len(fit.free))])
+    size = held + len(steps.models)
+    matrix, vector, alone = np.zeros((size, size)), np.zeros(size), np.zeros(size)
+    own: dict[int, list[tuple[FloatArray, FloatArray]]] = {}
+    for part, place, moved in _in_parts(forward, fit, steps):
+        system = _with_steps(part, place, fit.free, moved)
+        known = system.shared_prior
+        system = replace(system, shared_prior=np.zeros(size))
+        own_pull = np.where(own_prior < 1e15, -place.nuisance * own_prior, 0.0)
+        information, score, _, _ = reduce(system, own_pull, np.zeros(size))
+        matrix, vector = matrix + information, vector + score
+        alone += np.einsum("tmn,tmn->n", system.shared, system.shared)
+        for index, candidate in enumerate(candidates):
+            if candidate.effect.level is not Level.CAMPAIGN:
+                slopes = system.shared[..., [held + column for column in steps.columns[index]]]
+                own.setdefault(index, []).append(
+                    marginal_by_trial(system.own, system.prior, system.residual, slopes, own_pull)
+                )
+    known[laws:held] += held_back
+    matrix += np.diag(known)
+    vector[:laws] -= (fit.law_offsets * law_prior).reshape(-1) if laws else 0.0
+    vector[laws:held] -= values_now * held_back
+    matrix, vector = _beside_what_is_held(matrix, vector, held)
     # Columns that the rest explains fully carry rounding noise alone.
-    alone = np.einsum("tmn,tmn->n", shared[..., held:], shared[..., held:])
-    weak = np.diag(matrix) < 1e-7 * alone + 1e-30
+    weak = np.diag(matrix) < 1e-7 * alone[held:] + 1e-30
     matrix[weak, :], matrix[:, weak], vector[weak] = 0.0, 0.0, 0.0
     matrix[weak, weak] = 1.0
     scattered = np.zeros(len(candidates))
-    for index, candidate in enumerate(candidates):
-        if candidate.effect.level is not Level.CAMPAIGN:
-            slopes = shared[..., [held + column for column in columns[index]]]
-            score, block = grouped(
-                forward, candidate.effect.level,
-                *marginal_by_trial(base.own, base.prior, base.residual, slopes, own_pull),
-            )  # fmt: skip
-            scales = np.array([p.scale for p in candidate.effect.strengths])
-            scattered[index] = scatter_evidence(score, block, scales)[1]
-    return Scan(tuple(candidates), tuple(columns), matrix, vector, np.array(starts), scattered)
+    for index, parts in own.items():
+        effect = candidates[index].effect
+        scores, blocks = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        score, block = grouped(forward, effect.level, scores, blocks)
+        scattered[index] = scatter_evidence(score, block, _scales(effect))[1]
+    return Scan(
+        tuple(candidates), tuple(steps.columns), matrix, vector, np.array(steps.starts), scattered
+    )
+
+
+def _beside_what_is_held(
+    matrix: FloatArray, vector: FloatArray, held: int
+) -> tuple[FloatArray, FloatArray]:
+    """Information and score of the last columns, the first `held` ones marginalised."""
+    if not held:
+        return matrix, vector
+    a, b = matrix[:held, :held], matrix[:held, held:]
+    diagonal = np.diag(a)
+    scale = np.where(diagonal > 1e-200, 1.0 / np.sqrt(np.maximum(diagonal, 1e-200)), 0.0)
+    scaled = a * scale[:, None] * scale + 1e-9 * np.eye(held)
+    middle = np.linalg.solve(scaled, b * scale[:, None]) * scale[:, None]
+    return matrix[held:, held:] - b.T @ middle, vector[held:] - middle.T @ vector[:held]
 
 
 MIN_WEIGHT = 1e-3

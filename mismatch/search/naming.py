@@ -398,18 +398,19 @@ def _those_that_compete_finished(
         return list(tried)
     lead = max((h.penalised_gain for h in tried if h.allowed), default=-np.inf)
     least = lead - max(FIRST_REACH, FIRST_SHARE * abs(lead))
+    rival = _ahead(tried)
     return [
-        _continued(forward, base, h)
+        _continued(forward, base, h, rival)
         if h.penalised_gain > least or h.fit.ending is Ending.UNFINISHED
         else h
         for h in tried
     ]
 
 
-def _continued(forward: Forward, base: Fit, h: Hypothesis) -> Hypothesis:
-    """A hypothesis fitted on from where it stands."""
+def _continued(forward: Forward, base: Fit, h: Hypothesis, rival: float) -> Hypothesis:
+    """A hypothesis fitted on from where it stands, as long as it may reach its rival."""
     members, strengths = as_fitted(h.members, h.fit)
-    return fit_hypothesis(forward, base, members, strengths, start=h.fit)
+    return fit_hypothesis(forward, base, members, strengths, start=h.fit, rival=rival)
 
 
 def _other_forms(

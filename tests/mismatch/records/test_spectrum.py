@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mismatch import records
 from mismatch.fitting.prepare import prepare
 from mismatch.records import SIGNIFICANT, CampaignRecords, fit_spectrum, shared_deviance
 from mismatch.sanity import dropped_in_each
@@ -42,6 +43,15 @@ def test_a_record_of_a_few_rows_is_fitted_without_a_warning():
     for size in range(8, 30):
         found = fit_spectrum(tracks(0.0, 0.5, (size,), size))
         assert found is None or np.isfinite(found.misfit).all()
+
+
+def test_powers_of_a_long_record_are_those_of_every_cosine(monkeypatch):
+    """A swing of two minutes took 3 GB for the powers of all cosines at once."""
+    few = records._expected.__wrapped__(1500)
+    monkeypatch.setattr(records, "EACH_COSINE", 1500)
+    every = records._expected.__wrapped__(1500)
+    for some, exact in zip(few, every, strict=True):
+        assert some == pytest.approx(exact, rel=2e-3)
 
 
 def test_white_noise_has_no_memory():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mismatch.candidates import candidates_for
+from mismatch.fitting import hypotheses
 from mismatch.fitting.fit import Ending
 from mismatch.fitting.hypotheses import SLACK, as_fitted, fit_hypothesis
 from mismatch.fitting.prepare import prepare
@@ -47,6 +48,26 @@ def test_a_place_far_from_every_start_is_found_at_once(tethered):
     again = fit_hypothesis(forward, base, *as_fitted(found.members, found.fit), start=found.fit)
     assert found.fit.ending is Ending.CONVERGED
     assert found.fit.objective - again.fit.objective < 3.0 * SLACK
+
+
+def test_a_fit_is_left_where_as_much_gain_again_would_not_reach_its_rival(tethered, monkeypatch):
+    """One law that ran away along its valley took 10 of 24 seconds, far behind the answer."""
+    forward, base = tethered.forward, tethered.fit
+    pool = [c for c in candidates_for(forward, base.model, []) if isinstance(c.effect, Magnet)]
+    _, index, values = _best_by_law(scan(forward, base, pool), 1.0)[-1]
+    rounds = []
+    fitted = hypotheses._fitted_from
+
+    def counted(*args, **options):
+        rounds.append(1)
+        return fitted(*args, **options)
+
+    monkeypatch.setattr(hypotheses, "_fitted_from", counted)
+    alone = fit_hypothesis(forward, base, [pool[index]], [values])
+    free, rounds[:] = len(rounds), []
+    least = alone.fit.objective - 2.0 * abs(base.objective - alone.fit.objective)
+    fit_hypothesis(forward, base, [pool[index]], [values], rival=least)
+    assert len(rounds) < free
 
 
 def test_curves_do_not_crowd_out_laws_without_a_name(tethered):
