@@ -23,6 +23,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.board import BoardView
 from calib.camera import Lens, rotation_matrix
 from metrology import (
     CalibrationError,
@@ -30,7 +31,6 @@ from metrology import (
     parse_toml,
     read_small_text,
     write_text_whole,
-    written_whole,
 )
 from metrology.least_squares import Downhill, descend, minimise
 
@@ -39,12 +39,9 @@ __all__ = [
     "LENS_PARAMETERS",
     "MIN_LENS_STD",
     "YAML_SUFFIXES",
-    "Board",
     "BoardFit",
-    "BoardView",
     "LensPrior",
     "calibrate_lens",
-    "find_board",
     "fit_boards",
     "held_out_errors",
     "lens_toml",
@@ -53,142 +50,12 @@ __all__ = [
     "prior_toml",
     "read_lens",
     "read_lens_yaml",
-    "write_board",
     "write_lens",
 ]
 
 FloatArray = NDArray[np.float64]
 
 GrayImage = NDArray[np.uint8]
-
-MIN_CHARUCO_CORNERS = 6
-"""Minimum number of corners of a ChArUco board (derived: a homography needs four; half as many
-again test the plane)."""
-
-CORNER_WINDOW_FRACTION = 0.35
-"""Half width of the corner search over the smallest corner distance (derived: below a half, so that
-no window contains a neighbour)."""
-
-MAX_CORNER_WINDOW_PX = 5
-"""Maximum half width, px (chosen): an edge is 1 to 2 px wide; larger windows include distortion."""
-
-
-@dataclass(frozen=True)
-class Board:
-    """A calibration board.
-
-    Attributes
-    ----------
-    columns, rows : int
-        Inner corners along both sides.
-    square_m : float
-        Side of a square, m.
-    charuco : bool
-        Whether there are markers in the white squares.
-    """
-
-    columns: int
-    rows: int
-    square_m: float = 0.025
-    charuco: bool = False
-
-    @property
-    def points(self) -> FloatArray:
-        """Corners on the board, (columns * rows, 3), m, row by row."""
-        rows, columns = np.mgrid[: self.rows, : self.columns]
-        flat = np.stack([columns, rows, np.zeros_like(rows)], axis=-1).reshape(-1, 3)
-        return np.asarray(flat * self.square_m, dtype=np.float64)
-
-    def opencv(self) -> cv2.aruco.CharucoBoard:
-        """The ChArUco board as an OpenCV object."""
-        markers = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_250)
-        size = (self.columns + 1, self.rows + 1)
-        return cv2.aruco.CharucoBoard(size, self.square_m, 0.75 * self.square_m, markers)
-
-
-@dataclass(frozen=True, eq=False)
-class BoardView:
-    """Corners of the board in one picture.
-
-    Attributes
-    ----------
-    name : str
-        Name of the picture.
-    size : tuple of int
-        Its width and height, px.
-    board_m : (N, 3) array
-        Corners on the board, m.
-    points_px : (N, 2) array
-        The same corners in the picture, px.
-    """
-
-    name: str
-    size: tuple[int, int]
-    board_m: FloatArray
-    points_px: FloatArray
-
-
-def find_board(image: GrayImage, board: Board, name: str = "") -> BoardView | None:
-    """Find the board in a picture; None if it is not there.
-
-    Parameters
-    ----------
-    image : (H, W) uint8 array
-    board : Board
-    name : str
-        Name of the picture.
-
-    Raises
-    ------
-    CalibrationError
-        If a ChArUco board appears mirrored.
-    """
-    size = (image.shape[1], image.shape[0])
-    if board.charuco:
-        return _marked(image, board, name, size)
-    shape = (board.columns, board.rows)
-    found, corners = cv2.findChessboardCorners(image, shape)
-    if not found:
-        found, corners = cv2.findChessboardCornersSB(image, shape, flags=cv2.CALIB_CB_ACCURACY)
-    if not found:
-        return None
-    points = _refined(image, np.asarray(corners, dtype=np.float64).reshape(-1, 2), board)
-    return BoardView(name, size, board.points, points)
-
-
-def _marked(image: GrayImage, board: Board, name: str, size: tuple[int, int]) -> BoardView | None:
-    detector = cv2.aruco.CharucoDetector(board.opencv())
-    corners, labels, _, _ = detector.detectBoard(image)
-    if labels is None or len(labels) < MIN_CHARUCO_CORNERS:
-        mirrored = detector.detectBoard(np.ascontiguousarray(image[:, ::-1]))[1]
-        if mirrored is not None and len(mirrored) >= MIN_CHARUCO_CORNERS:
-            raise CalibrationError(
-                f"{name or 'the picture'} shows the board mirrored",
-                hint="Switch off the camera's mirror (selfie) mode.",
-            )
-        return None
-    points = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
-    return BoardView(name, size, board.points[np.asarray(labels).ravel()], points)
-
-
-def _refined(image: GrayImage, points: FloatArray, board: Board) -> FloatArray:
-    """Corners where the gradients around them meet, rows running to the right.
-
-    The window excludes the neighbours: a second corner in it would bias the first.
-    """
-    table = points.reshape(board.rows, board.columns, 2)
-    # A board turned by 180° looks the same; all views need one order, since it may not be flat.
-    if (table[:, -1] - table[:, 0]).mean(axis=0)[0] < 0.0:
-        table = table[::-1, ::-1]
-    apart = min(
-        float(np.linalg.norm(np.diff(table, axis=axis), axis=-1).min()) for axis in range(2)
-    )
-    half = int(np.clip(CORNER_WINDOW_FRACTION * apart, 2, MAX_CORNER_WINDOW_PX))
-    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-4)
-    start = np.ascontiguousarray(table.reshape(-1, 1, 2), dtype=np.float32)
-    refined = cv2.cornerSubPix(image, start, (half, half), (-1, -1), criteria)
-    return np.asarray(refined, dtype=np.float64).reshape(-1, 2)
-
 
 IntArray = NDArray[np.int64]
 
@@ -855,7 +722,8 @@ def calibrate_lens(views: Sequence[BoardView | None]) -> LensCalibration:
     if not seen:
         raise CalibrationError(
             f"no board found in {len(views)} pictures",
-            hint="Check the board's size: it counts inner corners, one less than squares.",
+            hint="Check the board's size: it counts inner corners, one less than squares. For one"
+            " with markers pass --charuco, and --dictionary and --marker if they are not found.",
         )
     if len(seen) < MIN_VIEWS:
         raise CalibrationError(
@@ -982,10 +850,6 @@ def _held_out(views: Sequence[BoardView], whole: BoardFit) -> float:
     return float(np.sqrt(np.mean(squares)))
 
 
-A4_M = (0.297, 0.210)
-"""Size of the sheet, m (convention: ISO 216)."""
-
-
 def lens_toml(calibration: LensCalibration) -> str:
     """Text of a lens file."""
     lens = calibration.lens
@@ -1098,40 +962,3 @@ def _prior(lens: Lens, table: dict[str, Any], path: Path) -> LensPrior:
     own = {name: float(table.get("std", {}).get(name, 0.0)) for name in LENS_PARAMETERS}
     spread = [own["fx"] / lens.fx, own["cx"], own["cy"], own["k1"], own["k2"]]
     return LensPrior(lens, np.maximum(np.array(spread), MIN_LENS_STD))
-
-
-def write_board(path: Path, board: Board) -> None:
-    """Write a board to print at 100 % on A4 paper, as PDF.
-
-    Raises
-    ------
-    SetupError
-        If the board does not fit the paper.
-    """
-    size = np.array([board.columns + 1, board.rows + 1]) * board.square_m
-    if np.any(size > np.array(A4_M) - 0.01):
-        raise SetupError(
-            f"a board of {1e3 * size[0]:.0f} × {1e3 * size[1]:.0f} mm does not fit A4 paper",
-            hint="Choose fewer or smaller squares.",
-        )
-    cells = (board.columns + 1, board.rows + 1)
-    pixels = (cells[0] * 96, cells[1] * 96)
-    if board.charuco:
-        picture = np.asarray(board.opencv().generateImage(pixels))
-    else:
-        parity = np.add.outer(np.arange(cells[1]), np.arange(cells[0])) % 2
-        small = (255 * parity).astype(np.uint8)
-        picture = np.asarray(cv2.resize(small, pixels, interpolation=cv2.INTER_NEAREST))
-    import matplotlib
-    from matplotlib.figure import Figure
-
-    with matplotlib.rc_context({"svg.hashsalt": "board"}):
-        figure = Figure(figsize=(A4_M[0] / 0.0254, A4_M[1] / 0.0254))
-        left, bottom = (np.array(A4_M) - size) / 2.0 / A4_M
-        axes = figure.add_axes((left, bottom, size[0] / A4_M[0], size[1] / A4_M[1]))
-        axes.imshow(picture, cmap="gray", vmin=0, vmax=255, interpolation="nearest", aspect="auto")
-        axes.set_axis_off()
-        note = f"print at 100 %; each square {1e3 * board.square_m:g} mm; measure it before use"
-        figure.text(0.5, 0.015, note, ha="center", fontsize=7)
-        with written_whole(path) as temporary:
-            figure.savefig(temporary, format="pdf")

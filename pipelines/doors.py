@@ -35,6 +35,7 @@ __all__ = [
     "CsvOption",
     "DragOption",
     "EffectOption",
+    "EveryOption",
     "FileRole",
     "FpsOption",
     "FromTracksOption",
@@ -321,6 +322,9 @@ GridOption = Annotated[
 ScaleOption = Annotated[
     str | None,
     typer.Option("--scale", help="Scale in the plane of motion: 2.44 mm/px, 410 px/m ± 2 px/m."),
+]
+EveryOption = Annotated[
+    int, typer.Option("--every", metavar="N", help="Read only every N-th picture.")
 ]
 BallAtOption = Annotated[
     str | None, typer.Option("--ball-at", metavar="X,Y[,FRAME]", help="A point on the ball, px.")

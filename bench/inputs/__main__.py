@@ -171,6 +171,17 @@ def _webp(pictures: list[Gray], folder: Path) -> Path:
     return path
 
 
+def _raw(pictures: list[Gray], folder: Path) -> Path:
+    """Pictures behind a mosaic of filters of different transmission."""
+    gains = np.ones((*pictures[0].shape,))
+    gains[0::2, 0::2], gains[1::2, 1::2] = 0.75, 0.6
+    place = folder / "raw"
+    place.mkdir()
+    for number, picture in enumerate(pictures):
+        cv2.imwrite(str(place / f"{number:05d}.tif"), (16 * gains * picture).astype(np.uint16))
+    return place
+
+
 def _two_quotes(_: Path) -> None:
     read_sheet(_inputs() / "explain_trials_two_quotes.csv", {})
 
@@ -222,7 +233,8 @@ CASES = (
         Case(f"{count} pictures lost", _clip(_lost(count), fps="600"), "frames are missing")
         for count in (3, 6, 10)
     ),
-    Case("animated WebP", _clip(_webp, fps="600"), "WebP"),
+    Case("animated WebP", _clip(_webp, fps="600")),
+    Case("raw Bayer TIFF", _clip(_raw, fps="600")),
 )
 """Inputs of the table in the folder's README, and clips made from its strike."""
 

@@ -195,14 +195,14 @@ class Measurement:
     def overlay(self, path: str | os.PathLike[str]) -> Path:
         """Write a video of the clip with tracks, outlines, grid and landing point."""
         out = Path(path)
-        clip = ClipReader.open(self.record.info.path)
+        clip = self._film()
         write_overlay(out, clip, self.record.tracks, overlay_marks(self.record))
         return out
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write the one-page HTML report."""
         out = Path(path)
-        write_report(out, report_input(self.record, ClipReader.open(self.record.info.path)))
+        write_report(out, report_input(self.record, self._film()))
         return out
 
     def __repr__(self) -> str:
@@ -220,9 +220,12 @@ class Measurement:
     def _clip(self) -> ClipReader | None:
         """The clip, if its file still exists."""
         try:
-            return ClipReader.open(self.record.info.path)
+            return self._film()
         except ClipError:
             return None
+
+    def _film(self) -> ClipReader:
+        return ClipReader.open(self.record.info.path, every=self.record.info.every)
 
 
 @worded_for_python
@@ -238,6 +241,7 @@ def measure(
     mass_at: At = None,
     cache: bool = True,
     scale: Given | None = None,
+    every: int = 1,
 ) -> Measurement:
     """Measure one clip.
 
@@ -260,6 +264,8 @@ def measure(
     scale : str or float, optional
         Scale in the plane of motion, if known: "409.9 px/m ± 2 px/m", "2.44 mm/px", or in m/px. The
         wall is then not calibrated.
+    every : int
+        Read only every n-th picture of a long fast recording; the times stay those of the camera.
 
     Returns
     -------
@@ -282,7 +288,7 @@ def measure(
     ball_speed: 5.2012 ± 0.0093 m/s
     """
     options = measure_options(
-        setup, fps, ball, wall_grid, ball_at, mass_at, cache=cache, scale=scale
+        setup, fps, ball, wall_grid, ball_at, mass_at, cache=cache, scale=scale, every=every
     )
     with notebook_progress() as progress:
         return Measurement(measure_clip(Path(path), options, progress), options.setup)

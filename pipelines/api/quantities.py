@@ -20,7 +20,6 @@ from pipelines.api.wording import in_python
 from pipelines.measure.budget import Propagation
 from pipelines.measure.chain import MeasureOptions
 from pipelines.measure.files import column_of, without_formulas
-from pipelines.model import angle_of
 from pipelines.report.inputs import quantity_label, quantity_text
 from pipelines.report.page import results_html
 from pipelines.setup.file import Setup, load_setup
@@ -256,18 +255,21 @@ def measure_options(
     cache: bool = False,
     scale: Given | None = None,
     budget: Propagation = Propagation.RESPONSE,
+    every: int = 1,
 ) -> MeasureOptions:
     """Options of the measuring chain, each checked before any work.
 
     `cache` allows reading and writing earlier results. `scale` is that of the plane of motion (bare
     numbers: m/px) and takes precedence over the wall of the setup. `budget` selects how effects of
-    the inputs are propagated.
+    the inputs are propagated. `every` reads every n-th picture only.
 
     Raises
     ------
     UsageError, SetupError, UnitError
         For an invalid rate, point, quantity or setup.
     """
+    if every < 1:
+        raise UsageError(f"--every {every} is no step", hint="Pass 1 for all pictures, or more.")
     rate = None if fps is None else read_given(fps, measurands.CAPTURE_RATE, "--fps")
     if scale is not None and wall_grid is not None:
         raise UsageError(
@@ -285,6 +287,7 @@ def measure_options(
         scale_m_per_px=None if scale is None else read_scale(scale, "--scale"),
         budget=budget,
         cache=cache,
+        every=every,
     )
 
 
@@ -319,6 +322,9 @@ def angle_from(name: str, angle: "Given | QuantityView") -> float:
     try:
         bare = float(angle)
     except ValueError:
+        # the model is loaded when it is needed
+        from pipelines.model import angle_of
+
         return angle_of(str(angle), name)
     raise UsageError(
         f"{name}={angle} has no unit: degrees or radians?",

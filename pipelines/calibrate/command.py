@@ -14,9 +14,10 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from calib.board import Board, dictionary_from, find_board, write_board
 from calib.calibration import Evidence, Parameters
 from calib.grid import WallGrid, find_wall_grid
-from calib.lens import Board, calibrate_lens, find_board, read_lens, write_board, write_lens
+from calib.lens import calibrate_lens, read_lens, write_lens
 from calib.solve import camera_movement, solve
 from metrology import (
     CalibrationError,
@@ -575,9 +576,34 @@ Square = Annotated[str, typer.Option(help="Side of a board square.")]
 Charuco = Annotated[bool, typer.Option(help="ChArUco board: markers in the white squares.")]
 
 
-def _board(size: str, square: str, charuco: bool) -> Board:
+Dictionary = Annotated[
+    str | None,
+    typer.Option(help="Its markers, such as 4X4_50; default: found, or 5X5_250 for print."),
+]
+
+Marker = Annotated[
+    str | None,
+    typer.Option(help="Side of a marker; default: found, or 3/4 of a square for print."),
+]
+
+
+def _board(
+    size: str, square: str, charuco: bool, dictionary: str | None, marker: str | None
+) -> Board:
     columns, rows = board_size(size)
-    return Board(columns, rows, pitch_from(square), charuco)
+    side = pitch_from(square)
+    known = Board(columns, rows, side, charuco or dictionary is not None or marker is not None)
+    if dictionary is not None:
+        known = replace(known, dictionary=dictionary_from(dictionary))
+    if marker is None:
+        return known
+    smaller = pitch_from(marker)
+    if smaller >= side:
+        raise UsageError(
+            f"--marker {marker} is not smaller than a square of {1e3 * side:g} mm",
+            hint="Pass the side of a marker, and as --square the side of a square around it.",
+        )
+    return replace(known, marker_m=smaller)
 
 
 def board_command(
@@ -585,9 +611,11 @@ def board_command(
     size: BoardSize = "8x6",
     square: Square = "25 mm",
     charuco: Charuco = False,
+    dictionary: Dictionary = None,
+    marker: Marker = None,
 ) -> None:
     """Write a calibration board to print at 100 % on A4 paper."""
-    write_board(pdf, _board(size, square, charuco))
+    write_board(pdf, _board(size, square, charuco, dictionary, marker))
     typer.echo(f"wrote {pdf}. Print it at 100 %, glue it to a flat plate and measure a square")
 
 
@@ -596,12 +624,14 @@ def lens_command(
     size: BoardSize = "8x6",
     square: Square = "25 mm",
     charuco: Charuco = False,
+    dictionary: Dictionary = None,
+    marker: Marker = None,
     out: Annotated[
         Path, typer.Option("--out", "-o", help="Lens file to write."), FileRole.WRITES
     ] = Path("lens.toml"),
 ) -> None:
     """Calibrate a lens from images of a board; write lens.toml."""
-    board = _board(size, square, charuco)
+    board = _board(size, square, charuco, dictionary, marker)
     found = calibrate_lens([find_board(_picture(path), board, path.name) for path in pictures])
     write_lens(out, found)
     lens, std = found.lens, found.std

@@ -165,7 +165,8 @@ def tracked_once(
         Does the tracking.
     """
     kept = Cache.of_user(wanted=options.cache)
-    key = kept.key("tracks", clip.info.sha256, capture_fps, options.ball_at, options.mass_at)
+    given = (capture_fps, options.ball_at, options.mass_at, clip.info.every)
+    key = kept.key("tracks", clip.info.sha256, *given)
     found = kept.get(key)
     if isinstance(found, FollowedTracks):
         return replace(found, info=replace(found.info, path=clip.info.path))
@@ -190,7 +191,7 @@ class MeasureOptions:
 
     `scale_m_per_px` is a scale in the plane of motion with its standard uncertainty, m/px; with it
     the wall is not calibrated. `wanted` names the quantities to evaluate, with everything their
-    uncertainties and checks need; None: all.
+    uncertainties and checks need; None: all. Of `every` n pictures one is read.
     """
 
     setup: Setup = field(default_factory=Setup)
@@ -204,6 +205,7 @@ class MeasureOptions:
     scale_m_per_px: tuple[float, float] | None = None
     cache: bool = False
     wanted: tuple[str, ...] | None = None
+    every: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,7 +320,7 @@ def measure_clip(
     options = options or MeasureOptions()
     report = progress or (lambda _step, _part: None)
     inputs = gather_inputs(options.setup, options.ball, options.wall_grid)
-    clip = ClipReader.open(path)
+    clip = ClipReader.open(path, every=options.every)
     camera = options.setup.camera
     rate = choose_capture_rate(
         clip.info,

@@ -39,6 +39,7 @@ from pipelines.doors import (
     ClipsOrNoneArgument,
     ColumnsOption,
     CsvOption,
+    EveryOption,
     FpsOption,
     FromTracksOption,
     GridOption,
@@ -412,6 +413,7 @@ def measure_command(
     scale: ScaleOption = None,
     from_tracks: FromTracksOption = None,
     columns: ColumnsOption = None,
+    every: EveryOption = 1,
     budget: BudgetOption = Propagation.RESPONSE,
     no_cache: NoCacheOption = False,
     quiet: QuietOption = False,
@@ -443,7 +445,7 @@ def measure_command(
         option_texts = [
             str(word) for word in (fps, ball, wall_grid, ball_at, mass_at, *_asked(wanted))
         ]
-        option_texts += ["" if scale is None else scale, str(budget)]
+        option_texts += ["" if scale is None else scale, str(budget), str(every)]
         option_texts.append("" if setup is None else setup.read_text(encoding="utf-8"))
         _into_folder(clips, options, wanted, Folder(out), option_texts, jobs or os.cpu_count() or 1)
         return
@@ -461,7 +463,7 @@ def _begin(given: Mapping[str, Any]) -> tuple[WantedFiles, MeasureOptions]:
     """Requested files and measuring options from a command's arguments by name."""
     wanted = WantedFiles(**{one.name: given[one.name] for one in fields(WantedFiles)})
     wanted.require_kinds()
-    how = ("setup", "fps", "ball", "wall_grid", "ball_at", "mass_at", "scale", "budget")
+    how = ("setup", "fps", "ball", "wall_grid", "ball_at", "mass_at", "scale", "budget", "every")
     chosen = {name: given[name] for name in how}
     return wanted, measure_options(**chosen, cache=not given["no_cache"])
 
@@ -484,6 +486,7 @@ def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # t
         plot: PlotOption = None,
         report: ReportOption = None,
         scale: ScaleOption = None,
+        every: EveryOption = 1,
         budget: BudgetOption = Propagation.RESPONSE,
         no_cache: NoCacheOption = False,
         quiet: QuietOption = False,

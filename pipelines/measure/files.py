@@ -334,14 +334,16 @@ class WantedFiles:
             from vision.overlay import write_overlay
 
             write_overlay(
-                self.overlay, ClipReader.open(clip), measured.tracks, overlay_marks(measured)
+                self.overlay,
+                ClipReader.open(clip, every=measured.info.every),
+                measured.tracks,
+                overlay_marks(measured),
             )
         if self.report is not None:
             from pipelines.report.page import write_report
 
-            write_report(
-                self.report, report_input(measured, None if clip is None else ClipReader.open(clip))
-            )
+            film = None if clip is None else ClipReader.open(clip, every=measured.info.every)
+            write_report(self.report, report_input(measured, film))
         # last: it fails if there are no curves, and the other files are then complete
         if self.plot is not None:
             from pipelines.report.plots import write_plot

@@ -27,7 +27,7 @@ own.
 import hashlib
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -35,13 +35,13 @@ from pathlib import Path
 from typing import Any, Literal, Protocol
 
 import av
-import cv2
 import numpy as np
 from av.error import FFmpegError
 from av.stream import Disposition
 from numpy.typing import NDArray
 
 from metrology import ClipError
+from vision.clip.images import Animation, ImageFolder, is_animation
 from vision.clip.picture import (
     ClipInfo,
     Frame,
@@ -50,13 +50,12 @@ from vision.clip.picture import (
     Weave,
     bit_depth,
     colour_image,
-    decoded_image,
     luma_image,
     refuse_giant,
     shrink_of,
     upright_of,
 )
-from vision.clip.repeats import DistinctPictures, RepeatDetector
+from vision.clip.repeats import DistinctPictures, RepeatDetector, Repeats
 
 __all__ = [
     "ClipReader",
@@ -66,6 +65,8 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
+
+_Images = ImageFolder | Animation
 
 
 @dataclass(frozen=True)
@@ -291,9 +292,7 @@ class VideoFile:
             stamps.append(picture.frame.pts)
             interlaced |= bool(picture.frame.interlaced_frame)
         if first is None:
-            with path.open("rb") as file:
-                named = _unsupported(path, file.read(12))
-            raise named or ClipError(
+            raise _unsupported(path) or ClipError(
                 f"no picture of {path} can be decoded",
                 hint="The file is damaged. Copy it from the camera again.",
             )
@@ -466,11 +465,6 @@ _UNSUPPORTED = {
     ".mraw": _PHOTRON,
     ".cih": _PHOTRON,
     ".cihx": _PHOTRON,
-    ".webp": (
-        "an animated WebP",
-        "Convert it to images, for example: magick animated.webp frames/%04d.png, and pass the"
-        " folder with --fps.",
-    ),
     ".r3d": ("a raw recording of RED", "Export it as ProRes or MP4 with REDCINE-X."),
     ".braw": ("a raw recording of Blackmagic", "Export it as ProRes or MP4 with its player."),
     ".dng": ("a raw photograph", "Convert all pictures to TIFF or PNG in a folder."),
@@ -478,10 +472,8 @@ _UNSUPPORTED = {
 """Formats that can't be read, by suffix: what they are, and how to convert them."""
 
 
-def _unsupported(path: Path, head: bytes) -> ClipError | None:
+def _unsupported(path: Path) -> ClipError | None:
     named = _UNSUPPORTED.get(path.suffix.lower())
-    if head[:4] == b"RIFF" and head[8:12] == b"WEBP":
-        named = _UNSUPPORTED[".webp"]
     if named is None:
         return None
     return ClipError(f"{path} is {named[0]}, which is not supported", hint=named[1])
@@ -492,7 +484,7 @@ def _unreadable(path: Path, problem: FFmpegError) -> ClipError:
     if os.access(path, os.R_OK):
         with path.open("rb") as file:
             head = file.read(12)
-    named = _unsupported(path, head)
+    named = _unsupported(path)
     if named is not None:
         return named
     if head[4:8] in (b"ftyp", b"mdat", b"wide", b"moov", b"free", b"skip"):
@@ -704,7 +696,7 @@ with the rows that codecs add."""
 
 def open_video(
     path: Path, fields: Fields, *, whole: bool = False
-) -> tuple["VideoFile | ImageFolder | DistinctPictures", ClipInfo, Upright]:
+) -> tuple["VideoFile | _Images | DistinctPictures", ClipInfo, Upright]:
     """Open a video file.
 
     Parameters
@@ -778,8 +770,8 @@ def open_video(
 
 
 def _distinct(
-    source: "VideoFile | ImageFolder", height: int, width: int
-) -> tuple["VideoFile | ImageFolder | DistinctPictures", CombingDetector, list[str]]:
+    source: "VideoFile | _Images", height: int, width: int
+) -> tuple["VideoFile | _Images | DistinctPictures", CombingDetector, list[str]]:
     """The source without repeats, the combing of its pictures, and notes."""
     repeats = RepeatDetector()
     combing = _examined(source, height, width, repeats)
@@ -795,7 +787,7 @@ def _distinct(
 
 
 def _examined(
-    source: "VideoFile | ImageFolder | DistinctPictures",
+    source: "VideoFile | _Images | DistinctPictures",
     height: int,
     width: int,
     repeats: RepeatDetector | None = None,
@@ -870,168 +862,7 @@ def _file_warnings(video: VideoFile) -> list[str]:
     return notes
 
 
-_IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"}
-
-
-def is_image(path: Path) -> bool:
-    """Whether a file's suffix is that of an image."""
-    return path.suffix.lower() in _IMAGE_SUFFIXES
-
-
-class ImageFrame:
-    """One image, read on request."""
-
-    def __init__(
-        self, index: int, path: Path, shape: tuple[int, int] | None, time_s: float | None = None
-    ) -> None:
-        self.index = index
-        self.time_s = float(index) if time_s is None else time_s
-        self._path = path
-        self._shape = shape
-
-    def gray(self) -> GrayImage:
-        """Gray levels (H, W), uint8 or uint16."""
-        image = self._read(cv2.IMREAD_UNCHANGED)
-        if image.ndim == 3:
-            image = image[:, :, :3] if image.shape[2] > 3 else image
-            image = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
-        return image
-
-    def colour(self) -> NDArray[np.uint8]:
-        """Colour image (H, W, 3), blue first."""
-        return self._read(cv2.IMREAD_COLOR)
-
-    def _read(self, flags: int) -> NDArray[Any]:
-        # IMREAD_UNCHANGED skips the camera's orientation tag, so the others must skip it, too.
-        data = self._path.read_bytes()
-        image = decoded_image(data, flags | cv2.IMREAD_IGNORE_ORIENTATION, self._path)
-        if image is None or image.dtype not in (np.uint8, np.uint16):
-            raise ClipError(
-                f"{self._path} cannot be read as an image",
-                hint="Remove it from the folder, or save the images as PNG of 8 or 16 bit.",
-            )
-        if self._shape is not None and image.shape[:2] != self._shape:
-            height, width = self._shape
-            raise ClipError(
-                f"{self._path} is {image.shape[1]}×{image.shape[0]} px, the images before it are "
-                f"{width}×{height} px",
-                hint="Keep only the images of one recording in the folder.",
-            )
-        return np.asarray(image)
-
-
-class ImageFolder:
-    """Images of one folder in natural order (frame2 before frame10).
-
-    Parameters
-    ----------
-    path : Path
-        The folder.
-    whole : bool
-        As in `ClipReader.open`.
-
-    Raises
-    ------
-    ClipError
-        If there is no image in it, or the first can't be read.
-    """
-
-    def __init__(self, path: Path, *, whole: bool = False) -> None:
-        self._paths = sorted((item for item in path.iterdir() if is_image(item)), key=_natural)
-        if not self._paths:
-            raise ClipError(
-                f"there are no images in the folder {path}",
-                hint="Pass a video file, or a folder of numbered PNG, JPEG, BMP or TIFF images.",
-            )
-        self._times, said = _times_of_names([path.name for path in self._paths])
-        first = ImageFrame(0, self._paths[0], None).gray()
-        self._shape = (int(first.shape[0]), int(first.shape[1]))
-        self.damage: tuple[str, ...] = ()
-        shrink, note = (1, None) if whole else shrink_of(*self._shape)
-        self.upright = Upright(shrink=shrink)
-        self.info = ClipInfo(
-            path=path,
-            sha256=self._digest(),
-            width=self._shape[1] // shrink,
-            height=self._shape[0] // shrink,
-            frames=len(self._paths),
-            codec=self._paths[0].suffix.lower().lstrip("."),
-            container_fps=1.0,
-            container_declares_rate=False,
-            duration_s=float(self._times[-1]),
-            rotation=0,
-            weave="progressive",
-            bit_depth=8 * first.dtype.itemsize,
-            capture_fps_metadata=None,
-            variable_rate=False,
-            warnings=tuple(one for one in (note, said) if one is not None),
-        )
-
-    @property
-    def times_s(self) -> NDArray[np.float64]:
-        """Image numbers, used as times; 0 at the first."""
-        return self._times
-
-    def pictures(self) -> Iterator[ImageFrame]:
-        """Yield the images in order."""
-        for index, path in enumerate(self._paths):
-            yield ImageFrame(index, path, self._shape, float(self._times[index]))
-
-    def _digest(self) -> str:
-        digest = hashlib.sha256()
-        for path in self._paths:
-            digest.update(path.name.encode())
-            digest.update(hashlib.sha256(path.read_bytes()).digest())
-        return digest.hexdigest()
-
-
-_MAX_NUMBER_STEP = 10
-"""Step of the images' numbers up to which they count pictures (chosen); larger ones are times."""
-
-
-def _times_of_names(names: Sequence[str]) -> tuple[FloatArray, str | None]:
-    """Times of images in pictures, from the numbers in their names, and a note.
-
-    Images whose numbers have holes, or go in steps of two, were taken out of a recording: their
-    numbers are its clock. Names without one number that counts give the order.
-    """
-    order = np.arange(len(names), dtype=np.float64)
-    groups = [re.findall(r"\d+", name) for name in names]
-    if len(names) < 3 or len({len(group) for group in groups}) != 1 or not groups[0]:
-        return order, None
-    numbers = np.array([[int(part[-15:]) for part in group] for group in groups], dtype=np.int64)
-    counting = [column for column in numbers.T if np.all(np.diff(column) > 0)]
-    if len(counting) != 1:
-        return order, None
-    steps = np.diff(counting[0])
-    step = int(np.gcd.reduce(steps))
-    if step > _MAX_NUMBER_STEP or int(np.median(steps)) != step:
-        return order, None
-    since = (counting[0] - counting[0][0]).astype(np.float64)
-    lacking = int((steps // step - 1).sum())
-    said = []
-    if step > 1:
-        said.append(
-            f"The images' numbers go in steps of {step}: the camera's rate is taken to be that of"
-            " the numbers."
-        )
-    if lacking:
-        holes = [
-            f"{counting[0][k]} and {counting[0][k + 1]}" for k in np.flatnonzero(steps > step)[:4]
-        ]
-        said.append(
-            f"{lacking} images are missing, between the numbers {', '.join(holes)}; the times of"
-            " the others account for them."
-        )
-    return since, " ".join(said) or None
-
-
-def _natural(path: Path) -> list[tuple[int, str]]:
-    parts = re.findall(r"\d+|\D+", path.name)
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
-
-
-def _without_repeats(folder: ImageFolder) -> tuple[ImageFolder | DistinctPictures, ClipInfo]:
+def _without_repeats(folder: _Images) -> tuple[_Images | DistinctPictures, ClipInfo]:
     source, _, notes = _distinct(folder, folder.info.height, folder.info.width)
     if not isinstance(source, DistinctPictures):
         return folder, folder.info
@@ -1068,7 +899,7 @@ class ClipReader:
     """
 
     def __init__(
-        self, source: VideoFile | ImageFolder | DistinctPictures, info: ClipInfo, upright: Upright
+        self, source: VideoFile | _Images | DistinctPictures, info: ClipInfo, upright: Upright
     ) -> None:
         self._source = source
         self._upright = upright
@@ -1084,8 +915,9 @@ class ClipReader:
         fields: Fields = "auto",
         least_frames: int = 2,
         whole: bool = False,
+        every: int = 1,
     ) -> "ClipReader":
-        """Open a video file or a folder of images.
+        """Open a video file, an animated WebP or a folder of images.
 
         Parameters
         ----------
@@ -1097,6 +929,8 @@ class ClipReader:
             Minimum number of frames.
         whole : bool
             Whether very large pictures keep their size instead of being reduced.
+        every : int
+            Read only every n-th picture; the times stay those of the camera.
 
         Returns
         -------
@@ -1124,13 +958,25 @@ class ClipReader:
                     f"{place} is empty",
                     hint="It has 0 bytes. Copy it from the camera again.",
                 )
-            clip = cls(*open_video(place, fields, whole=whole))
+            if is_animation(place):
+                animation = Animation(place, whole=whole)
+                clip = cls(*_without_repeats(animation), animation.upright)
+            else:
+                clip = cls(*open_video(place, fields, whole=whole))
+        if every > 1:
+            clip = clip._thinned(every)
         if clip.info.frames < least_frames:
             raise ClipError(
                 f"{place} has {clip.info.frames} frame; a still picture shows no motion",
                 hint="Pass the whole recording.",
             )
         return clip
+
+    def _thinned(self, every: int) -> "ClipReader":
+        source = DistinctPictures(self._source, Repeats(times=every))
+        fields = 2 if self.info.interlaced else 1
+        info = replace(self.info, frames=fields * len(source.times_s), every=every)
+        return ClipReader(source, info, self._upright)
 
     @property
     def warnings(self) -> tuple[str, ...]:

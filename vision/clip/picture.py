@@ -93,6 +93,8 @@ class ClipInfo:
         Warnings about the file, in whole sentences.
     times_shown : int
         How often the file shows each picture; the frames are the pictures, each once.
+    every : int
+        Only every n-th picture is read.
     """
 
     path: Path
@@ -111,6 +113,7 @@ class ClipInfo:
     variable_rate: bool
     warnings: tuple[str, ...] = ()
     times_shown: int = 1
+    every: int = 1
 
     @property
     def interlaced(self) -> bool:

@@ -10,9 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.board import Board, find_board
 from calib.calibration import Known
 from calib.grid import WallGrid
-from calib.lens import Board, LensPrior, calibrate_lens, find_board, lens_toml, read_lens
+from calib.lens import LensPrior, calibrate_lens, lens_toml, read_lens
 from metrology import (
     ClipError,
     Defaults,

@@ -15,8 +15,8 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments, MouseEventArguments
 from numpy.typing import NDArray
 
+from calib.board import Board
 from calib.calibration import Known
-from calib.lens import Board
 from metrology import ImpactVisionError, UncertaintySource, UsageError, measurands, read_number
 from pipelines.calibrate.wizard.answers import (
     STEP_NAMES,

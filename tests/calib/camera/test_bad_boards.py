@@ -8,8 +8,9 @@ import pytest
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
+from calib.board import Board
 from calib.camera import rotation_matrix
-from calib.lens import Board, read_lens
+from calib.lens import read_lens
 from pipelines.cli import app
 
 Picture = NDArray[np.uint8]

@@ -7,17 +7,14 @@ import cv2
 import numpy as np
 import pytest
 
+from calib.board import Board, BoardView, dictionary_from, find_board, write_board
 from calib.camera import Camera, Lens, rotation_matrix
 from calib.lens import (
     LENS_MODELS,
-    Board,
-    BoardView,
     calibrate_lens,
-    find_board,
     fit_boards,
     held_out_errors,
     read_lens,
-    write_board,
     write_lens,
 )
 from metrology import CalibrationError, SetupError, UsageError
@@ -124,6 +121,35 @@ def test_a_mirrored_charuco_board_is_recognised() -> None:
     assert len(seen.points_px) == 35
     with pytest.raises(CalibrationError, match="mirrored"):
         find_board(np.ascontiguousarray(picture[:, ::-1]), board, "a.jpg")
+
+
+@pytest.mark.parametrize("old_layout", [False, True])
+@pytest.mark.parametrize(
+    ("dictionary", "ratio"),
+    [("4X4_50", 0.6), ("5X5_100", 0.8), ("6X6_250", 0.5), ("ARUCO_ORIGINAL", 0.7),
+     ("APRILTAG_36H11", 0.75)],
+)  # fmt: skip
+def test_any_charuco_board_is_found(dictionary: str, ratio: float, old_layout: bool) -> None:
+    # an even number of rows: only there do the two layouts differ
+    printed = Board(8, 5, 0.03, True, dictionary, ratio * 0.03, old_layout)
+    flat = printed.opencv().generateImage((720, 480), marginSize=20)
+    turn = np.array([[0.8, 0.1, 60.0], [-0.08, 0.85, 70.0], [1e-4, 5e-5, 1.0]])
+    picture = cv2.warpPerspective(flat, turn, (720, 520), borderValue=255, flags=cv2.INTER_AREA)
+    seen = find_board(picture, Board(8, 5, 0.03, charuco=True))
+    stated = find_board(picture, printed)
+    assert seen is not None
+    assert stated is not None
+    assert len(seen.points_px) == len(stated.points_px) == 40
+    assert np.array_equal(seen.board_m, stated.board_m)
+    matrix = cv2.findHomography(seen.board_m[:, :2], seen.points_px)[0]
+    fitted = cv2.perspectiveTransform(seen.board_m[:, np.newaxis, :2], matrix)[:, 0]
+    assert np.sqrt(((fitted - seen.points_px) ** 2).mean()) < 0.5
+
+
+def test_a_dictionary_is_named_as_opencv_names_it() -> None:
+    assert dictionary_from("dict_4x4_50") == dictionary_from("4X4_50") == "4X4_50"
+    with pytest.raises(UsageError, match="no dictionary"):
+        dictionary_from("3X3")
 
 
 def test_a_board_of_the_wrong_size_is_not_found() -> None:

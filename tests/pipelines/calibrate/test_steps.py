@@ -9,10 +9,11 @@ import cv2
 import numpy as np
 import pytest
 
+from calib.board import Board
 from calib.calibration import Known
 from calib.camera import Camera, Lens
 from calib.grid import WallGrid
-from calib.lens import MIN_LENS_STD, Board, LensPrior, read_lens
+from calib.lens import MIN_LENS_STD, LensPrior, read_lens
 from calib.solve import camera_movement
 from metrology import CalibrationError, ClipError, SetupError, UsageError
 from pipelines.calibrate.command import Dialogue, ask_all

@@ -1,0 +1,89 @@
+"""Sequences of images: animated WebP, raw mosaics, and every n-th picture."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from metrology import ClipError
+from vision.clip.clip import ClipReader
+from vision.clip.mosaic import mosaic_of
+
+SIZE = (96, 128)
+
+
+def scene(number: int) -> np.ndarray:
+    """A smooth coloured background and a ball that moves."""
+    rows, columns = np.indices(SIZE)
+    picture = np.stack([60 + 0.4 * columns, 110 + 0.3 * rows, 90 + 0.3 * columns], axis=-1)
+    apart = np.hypot(columns - 20 - 6 * number, rows - 40)
+    return np.where(apart[..., np.newaxis] < 9, [40, 120, 220], picture).astype(np.uint8)
+
+
+def raw(picture: np.ndarray, *, green_first: bool) -> np.ndarray:
+    filters = [[1, 0], [2, 1]] if green_first else [[0, 1], [1, 2]]
+    mosaic = np.empty(picture.shape[:2], np.uint16)
+    for row in range(2):
+        for column in range(2):
+            mosaic[row::2, column::2] = picture[row::2, column::2, filters[row][column]]
+    return mosaic * 16
+
+
+def test_an_animated_webp_is_read_picture_by_picture(tmp_path: Path) -> None:
+    path = tmp_path / "moving.bin"
+    frames = [Image.fromarray(scene(k)[:, :, ::-1]) for k in range(6)]
+    frames[0].save(
+        path, "WEBP", save_all=True, append_images=frames[1:], duration=33, lossless=True
+    )
+    clip = ClipReader.open(path)
+    assert (clip.info.frames, clip.info.width, clip.info.height) == (6, 128, 96)
+    assert not clip.info.container_declares_rate
+    for (index, colour), frame in zip(clip.colour_frames(), clip.frames(), strict=True):
+        assert np.array_equal(colour, scene(index))
+        assert frame.gray.shape == SIZE
+    assert clip.capture_times(100.0) == pytest.approx(np.arange(6) / 100.0)
+    path.write_bytes(path.read_bytes()[:40])
+    with pytest.raises(ClipError):
+        ClipReader.open(path)
+
+
+@pytest.mark.parametrize("green_first", [True, False])
+def test_a_raw_mosaic_is_averaged(green_first: bool, tmp_path: Path) -> None:
+    for k in range(4):
+        cv2.imwrite(str(tmp_path / f"{k}.tif"), raw(scene(k), green_first=green_first))
+    clip = ClipReader.open(tmp_path)
+    assert any("raw" in text for text in clip.warnings)
+    found = mosaic_of(raw(scene(0), green_first=green_first))
+    assert found is not None
+    assert found.green_first is green_first
+    gray = next(iter(clip.frames())).gray.astype(float)
+    flat = gray[60:90, 60:120]
+    assert np.abs(np.diff(flat, axis=1)).max() < 0.02 * flat.mean()
+    true = scene(0).astype(float) @ [0.25, 0.5, 0.25] * 16
+    assert np.median(np.abs(gray - true)) < 0.02 * np.median(true)
+    colour = next(iter(clip.colour_frames()))[1]
+    assert abs(float(colour[70, 90, 1]) - scene(0)[70, 90, 1]) < 4
+
+
+def test_other_pictures_have_no_mosaic() -> None:
+    noise = np.random.default_rng(1)
+    assert mosaic_of(scene(0)) is None
+    assert mosaic_of(cv2.cvtColor(scene(0), cv2.COLOR_BGR2GRAY)) is None
+    assert mosaic_of(noise.integers(0, 255, SIZE).astype(np.uint8)) is None
+    lines = np.tile([20, 20, 200, 200], (96, 32)).astype(np.uint8)
+    assert mosaic_of(lines) is None
+    assert mosaic_of(np.zeros(SIZE, np.uint8)) is None
+
+
+def test_every_third_picture_keeps_the_camera_s_clock(tmp_path: Path) -> None:
+    for k in range(10):
+        cv2.imwrite(str(tmp_path / f"{k:03d}.png"), scene(k))
+    clip = ClipReader.open(tmp_path, every=3)
+    assert (clip.info.frames, clip.info.every) == (4, 3)
+    assert clip.capture_times(600.0) == pytest.approx(np.array([0, 3, 6, 9]) / 600.0)
+    seen = [colour for _, colour in clip.colour_frames()]
+    assert all(np.array_equal(one, scene(3 * k)) for k, one in enumerate(seen))
+    with pytest.raises(ClipError, match="1 frame"):
+        ClipReader.open(tmp_path, every=10)
