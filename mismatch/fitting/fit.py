@@ -636,10 +636,13 @@ class SwingStart:
         Pieces of a fit before; read off the record by default.
     hopeless : float
         Cost from which a fit that creeps is left: another law is far ahead of it.
+    least : float
+        Cost that steps as good as the last one must be able to reach, lest the fit be left.
     """
 
     arcs: Arcs | None = None
     hopeless: float = math.inf
+    least: float = math.inf
 
 
 FROM_THE_RECORD = SwingStart()
@@ -912,11 +915,6 @@ DESCENTS = 2
 CLOSINGS = 6
 
 """Newton's steps that close gaps; each squares what is left."""
-
-BEHIND = 2.0
-"""Misfit over that of the best fit so far from which a fit of a swing is left, if steps that gain
-as much as the last one would leave it there. Chosen; insensitive between 1.5 and 10: a law of a
-swing ends near the noise or far off."""
 
 CREEPING = 0.5
 
@@ -1432,9 +1430,9 @@ class _SwingFit:
         laws = place.point[1].size
         return inverse_of(self.normal(replace(place, found=found)).matrix)[laws:, laws:]
 
-    def descended(self, place: _PlaceOfArcs, hopeless: float) -> tuple[_PlaceOfArcs, bool]:
+    def descended(self, place: _PlaceOfArcs, start: SwingStart) -> tuple[_PlaceOfArcs, bool]:
         """Where steps end, and whether they were given up."""
-        damping = 0.0
+        damping, hopeless = 0.0, start.hopeless
         for left in reversed(range(STEPS_OF_ARCS)):
             normal = self.normal(place)
             before = damping
@@ -1452,9 +1450,9 @@ class _SwingFit:
                 break
             if place.cost > hopeless and gained < CREEPING * place.cost:
                 return place, True
-            if place.cost - left * gained > BEHIND * hopeless / LOST:
+            if left < STEPS_OF_ARCS - FIRST_STEPS and place.cost - left * gained > start.least:
                 return place, True
-        return place, place.cost > BEHIND * hopeless / LOST
+        return place, place.cost > min(hopeless, start.least)
 
     def shut(self, place: _PlaceOfArcs) -> _PlaceOfArcs:
         """The same values with the gaps closed, as far as Newton's steps close them."""
@@ -1486,7 +1484,7 @@ def _fit_swings(
     place = pieces.at((nuisance, laws, model), arcs)
     apart = np.inf
     for _ in range(DESCENTS):
-        place, left = pieces.descended(place, start.hopeless)
+        place, left = pieces.descended(place, start)
         apart = min(apart, place.chi2)
         if left:
             return _fit_of(pieces, place, Ending.LOST)

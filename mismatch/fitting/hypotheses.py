@@ -497,6 +497,11 @@ FIRST_SHARE = 0.03
 
 """Likewise as a fraction of the best one's gain, where misfits are large."""
 
+BEHIND = 2.0
+"""Misfit over that of the best fit so far from which a set of laws of a swing is left, if steps
+that gain as much as the last one would leave it there. Chosen: sets end near the noise or far off;
+laws alone are followed to their end, since each may be half of the answer."""
+
 WHOLE_ROUNDS = 8
 
 """Steps from which a fit is meant to reach its end, not to be a first look."""
@@ -691,7 +696,9 @@ def fit_hypothesis(
     """
     origin = base if start is None else start
     added = [member.effect for member in members]
-    swing = SwingStart(None if start is None else start.arcs, LOST * rival)
+    # A law that fits badly alone may be half of the answer; a set must come near the best one.
+    least = BEHIND * rival if len(members) > 1 else np.inf
+    swing = SwingStart(None if start is None else start.arcs, LOST * rival, least)
     abandon = rival + max(FIRST_REACH, FIRST_SHARE * (base.objective - rival))
     if not np.isfinite(rival):
         abandon = np.inf

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from bench.real.made import CART, STRING, write_swings
+from mismatch.candidates import candidates_for
 from mismatch.fitting.fit import Ending, fit_model, free_parameters, seen_swings
+from mismatch.fitting.hypotheses import fit_hypothesis
 from mismatch.fitting.prepare import Prepared, prepare
 from physics.effects import CATALOGUE
 from pipelines.explain.campaign import baseline_from_setup, load_campaign
@@ -80,3 +82,20 @@ def test_a_law_out_of_phase_with_the_record_is_no_answer(tmp_path):
     bare = _fitted(prepared)
     assert _rms(prepared, bare) > 0.05
     assert _rms(prepared, _fitted(prepared, *LOSSES)) < 1.1 * CART.noise
+
+
+def test_a_law_far_behind_is_followed_alone_and_left_in_a_set(tmp_path):
+    """Half of a right pair fits ten times worse than a wrong law, and was left at once."""
+    prepared = _prepared(tmp_path, replace(CART, starts=(2.3, -1.6)))
+    forward, base = prepared.forward, prepared.fit
+    effects = [CATALOGUE[name][0] for name in LOSSES]
+    pool = {c.id: c for c in candidates_for(forward, base.model, effects, unnamed=False)}
+    none = np.zeros(1)
+    alone = fit_hypothesis(forward, base, [pool["pendulum_drag"]], [none])
+    rival = 0.1 * alone.fit.objective
+    again = fit_hypothesis(forward, base, [pool["pendulum_drag"]], [none], rival=rival)
+    assert again.fit.objective == pytest.approx(alone.fit.objective)
+    pair = [pool["pendulum_drag"], pool["viscous_damping"]]
+    assert fit_hypothesis(forward, base, pair, [none, none]).fit.ending is Ending.CONVERGED
+    behind = fit_hypothesis(forward, base, pair, [none, none], rival=1e-3 * rival)
+    assert behind.fit.ending is Ending.LOST
