@@ -173,6 +173,10 @@ Derived bounds: the rear of the outline moves in by the whole compression, the f
 circle through all of it leads by up to 0.5, one without the rear by 0; robust fits drop most of
 it."""
 
+BESIDE_MASS = 0.6
+"""Error of the ball's outline beside the mass, in the middle of a contact, over its stated std
+(fitted to true positions of 30 ray-traced strikes: 0.57)."""
+
 # Deviation of the ball's path from the pulse, over speed gained × Δt (chosen).
 PULSE_SHAPE_STD = 0.003
 
@@ -247,7 +251,10 @@ class FaceHypothesis:
 
 @cache
 def face_prior() -> dict[str, dict[str, float]]:
-    """Where the face is beside where it was seen, fitted by `training.fit_contact`, ball radii."""
+    """Where the face is beside where it was seen, ball radii, and how long balls stay in contact.
+
+    Fitted by `training.fit_contact`.
+    """
     text = resources.files("pipelines.measure").joinpath("face_prior.json").read_text("utf-8")
     return {
         part: {name: fitted["value"] for name, fitted in values.items()}
@@ -516,11 +523,17 @@ class _Posterior:
 def _posterior(view: ImpactView, whitening: "_Whitening", tried: _Contacts) -> _Posterior:
     fit = _candidates(view, whitening, tried.onset_s, tried.release_s)
     beyond = _bound_penalty(tried.release_s - tried.onset_s, view)
-    # a duration of which nothing is known may be of any size: even in its logarithm
-    prior = _prior(view, tried) + 2.0 * np.log(tried.release_s - tried.onset_s)
+    prior = _prior(view, tried) + _duration_prior(tried.release_s - tried.onset_s)
     left = fit.left[:, int(np.argmin(fit.cost(1.0) + prior + beyond))]
     widened = max(1.0, float(np.mean(np.minimum(left**2, 9.0))))
     return _Posterior(fit, fit.cost(widened) + prior, beyond)
+
+
+def _duration_prior(lasting_s: FloatArray) -> FloatArray:
+    """Twice the negative log prior density of contact times, without a constant, (N,)."""
+    usual, log_s = face_prior()["log_duration"], np.log(lasting_s)
+    off = (log_s - usual["centre"]) / usual["half_width"]
+    return np.asarray(2.0 * (log_s + np.log1p(off**2)))
 
 
 def _mean_and_covariance(cost: FloatArray, face: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -573,7 +586,7 @@ class _Candidates:
     left : (R, N) array
         Whitened residuals.
     priors : (N,) array
-        Prior cost of exponent and outline lag.
+        Prior cost of the exponent.
     """
 
     exponent: FloatArray
@@ -595,11 +608,11 @@ def _candidates(
     view: ImpactView, whitening: _Whitening, onset: FloatArray, release: FloatArray
 ) -> _Candidates:
     """Best exponent for each contact, with the outline lag solved for."""
-    left, per_lag = _path_residuals(view, whitening, _Ends.of(view, onset, release))
+    left, per_lag, lag_std = _path_residuals(view, whitening, _Ends.of(view, onset, release))
     left = left - OUTLINE_AHEAD * per_lag
-    lag = (per_lag * left).sum(axis=0) / ((per_lag**2).sum(axis=0) + OUTLINE_AHEAD_STD**-2)
-    left = left - lag * per_lag
-    priors = ((_EXPONENTS - EXPONENT) / EXPONENT_STD) ** 2 + (lag / OUTLINE_AHEAD_STD) ** 2
+    lag = (per_lag * left).sum(axis=0) / ((per_lag**2).sum(axis=0) + lag_std**-2)
+    left = np.concatenate([left - lag * per_lag, (lag / lag_std)[np.newaxis]])
+    priors = np.broadcast_to(((_EXPONENTS - EXPONENT) / EXPONENT_STD) ** 2, lag.shape)
     best = np.argmin(_robust(left) + priors, axis=1)
     every = np.arange(len(best))
     return _Candidates(_EXPONENTS[best], left[:, every, best], priors[every, best])
@@ -697,10 +710,10 @@ class _Ends:
 
 def _path_residuals(
     view: ImpactView, whitening: _Whitening, ends: _Ends
-) -> tuple[FloatArray, FloatArray]:
-    """Whitened residuals of ball and COR, and their change per unit of outline lag.
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Whitened residuals of ball and COR, their change per unit of outline lag, and its std.
 
-    Both (R, L, E) for L contacts and E exponents.
+    The first two (R, L, E) for L contacts and E exponents, the last (L, E).
     """
     pulses = _Pulses.of(ends.cor)
     duration = ends.duration[:, np.newaxis]
@@ -714,7 +727,10 @@ def _path_residuals(
     left = np.concatenate([whitening(off), speeds])
     per_lag = np.zeros_like(left)
     per_lag[:-1] = whitening(lagging / std[..., np.newaxis])
-    return left, per_lag
+    # the mass beside the ball moves its outline, too, while they touch
+    usual = float(np.median(view.std_m)) if len(view.std_m) else 0.0
+    beside = BESIDE_MASS * usual / np.maximum(lagging.max(axis=0, initial=0.0), 1e-9)
+    return left, per_lag, np.hypot(OUTLINE_AHEAD_STD, beside)
 
 
 @dataclass(frozen=True)

@@ -997,7 +997,10 @@ _NAMES = (QuantityName.FALL_ACCELERATION, QuantityName.FLIGHT_SPEED, QuantityNam
 
 
 def require_upright(tracks: Tracks) -> None:
-    """Refuse a clip in which objects fall sideways or up; only the fall shows where down is.
+    """Refuse a clip in which objects fall sideways or up.
+
+    A pendulum shows where down is; without one only the fall does, which a short flight that ends
+    on the floor does not show.
 
     Raises
     ------
@@ -1007,6 +1010,10 @@ def require_upright(tracks: Tracks) -> None:
     fall = tracks.motion.fall_px
     if fall is None or fall[1] > abs(fall[0]):
         return
+    if tracks.pendulum is not None:
+        mass = np.median(tracks.pendulum.track.centre_px, axis=0) - tracks.pendulum.pivot_px
+        if mass[1] > abs(mass[0]):
+            return
     side = "top" if -fall[1] > abs(fall[0]) else "right" if fall[0] > 0 else "left"
     raise NotFoundError(
         f"the tracked object falls towards the {side} of the picture: the camera was rotated,"

@@ -612,10 +612,16 @@ def _too_short(longest_s: float) -> dict[str, Quantity]:
 
 
 def _if_too_short(lasting: Quantity) -> dict[str, Quantity]:
-    """The same if the contact time is not larger than its standard uncertainty."""
-    if lasting.value is None or lasting.std is None or lasting.value > lasting.std:
+    """The same if the contact time is not significantly above zero."""
+    if lasting.value is None or lasting.std is None:
+        return {}
+    if lasting.value > _ONE_SIDED_95 * lasting.std:
         return {}
     return _too_short(max(lasting.value, 0.0) + 2.0 * lasting.std)
+
+
+_ONE_SIDED_95 = 1.645
+"""Standard uncertainties above zero with a probability of 95 % (convention)."""
 
 
 def _geometry(

@@ -530,9 +530,9 @@ _MOVING_SIGMAS = 6.0
 _NORMAL_GRAY_LEVEL = 100.0
 """Mean gray level that pictures are scaled to (convention), so that flicker is no motion."""
 
-_COMBING_PERIOD = 6
-"""Period of the sampling, pictures (chosen): three in a row show motion, then a pause so that the
-samples cover more of the clip."""
+_COMBING_PERIOD = 7
+"""Period of the sampling, pictures: three in a row show motion, then a pause so that the samples
+cover more of the clip; odd, so that what returns every second or fourth picture averages out."""
 
 
 def separate_field(picture: NDArray[Any], bottom: bool) -> NDArray[Any]:

