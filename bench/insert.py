@@ -68,7 +68,31 @@ def values() -> dict[str, Callable[[], str]]:
         for name, entry in record["quantities"].items():
             _add(known, f"lessons.{lesson}.{name}", entry)
     known |= _evidence(read_results("evidence.json"))
+    known["cost.table"] = lambda: _cost_table(read_results("cost.json"))
+    known["acceptance.worlds"] = lambda: _acceptance_table(read_results("acceptance.json"))
     return known
+
+
+def _cost_table(found: Record) -> str:
+    rows = [
+        (name, f"{one['seconds']:.1f} s", f"{one['megabytes']} MB", ", ".join(one["named"]))
+        for name, one in found.items()
+    ]
+    return _table(("campaign", "processor time", "memory", "named (probability)"), rows)
+
+
+def _acceptance_table(found: Record) -> str:
+    rows = [
+        (
+            name,
+            str(one["names"]),
+            str(one["right"]),
+            f"{one['brier']:.3f}",
+            f"{one['sure_right']} of {one['sure']}",
+        )
+        for name, one in [*found["worlds"].items(), ("all", found["all"])]
+    ]
+    return _table(("world", "names", "right", "Brier score", "right of 0.9 or more"), rows)
 
 
 def _evidence(found: Record) -> dict[str, Callable[[], str]]:

@@ -17,15 +17,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.concealed.foreign import CONTRACT_ID
-from bench.concealed.statistics import brier_score
-from metrology import write_text_whole
+from bench.concealed.statistics import brier_score, calibration_error, wilson
+from metrology import write_text_whole, written_whole
 from mismatch.acceptance import FEATURES, NameEvidence, features_of
 from pipelines.explain.campaign import explain_files_in_full
+from pipelines.report.plots import Picture
 
-__all__ = ["evidence_table", "fit_logistic", "right_ids"]
+__all__ = ["evidence_table", "fit_logistic", "leave_one_out", "right_ids"]
 
 Array = NDArray[np.float64]
 OUTPUT = Path(__file__).parents[1] / "mismatch" / "acceptance.json"
+CARD = Path(__file__).parents[1] / "docs" / "results" / "acceptance.json"
+PICTURE = Path(__file__).parents[1] / "docs" / "pictures" / "acceptance.svg"
+SURE = 0.9
+"""Probability from which a name is certain; convention."""
 
 PRIOR = {
     "intercept": (-1.0, 1.0),
@@ -108,20 +113,66 @@ def _stated(weights: Array, columns: Array) -> Array:
     return np.asarray(1.0 / (1.0 + np.exp(-(weights[0] + columns @ weights[1:]))))
 
 
-def _report(worlds: Mapping[str, tuple[Array, Array]]) -> None:
-    """Brier score and sure names of each world, by the weights of the other worlds."""
+Worlds = Mapping[str, tuple[Array, Array]]
+"""World → columns of its names (n, features), and which are right (n,)."""
+
+
+def leave_one_out(worlds: Worlds) -> dict[str, tuple[Array, Array]]:
+    """World → probabilities by the weights of the other worlds, and which names are right."""
+    found = {}
     for name, (columns, right) in worlds.items():
         others = [pair for world, pair in worlds.items() if world != name]
-        if not others:
-            return
-        weights, _ = fit_logistic(*(np.concatenate(part) for part in zip(*others, strict=True)))
-        stated = _stated(weights, columns)
-        sure = stated >= 0.9
-        score = brier_score(list(stated), [bool(one) for one in right])
-        print(
-            f"{name}: {len(right)} names, Brier {score:.3f};"
-            f" stated ≥ 0.9: {int(right[sure].sum())} of {int(sure.sum())} right"
-        )
+        if others:
+            weights, _ = fit_logistic(*(np.concatenate(part) for part in zip(*others, strict=True)))
+            found[name] = _stated(weights, columns), right
+    return found
+
+
+def _score(stated: Array, right: Array) -> dict[str, float]:
+    sure = stated >= SURE
+    return {
+        "names": len(right),
+        "right": int(right.sum()),
+        "brier": brier_score(list(stated), [bool(one) for one in right]),
+        "sure": int(sure.sum()),
+        "sure_right": int(right[sure].sum()),
+    }
+
+
+def _draw(stated: Array, right: Array, path: Path) -> list[dict[str, float]]:
+    """Draw frequency over stated probability, with 95 % intervals; returns the bins."""
+    _, bins = calibration_error(list(stated), [bool(one) for one in right])
+    figure = Picture(figsize=(4.6, 4.4), layout="constrained")
+    axis = figure.subplots()
+    axis.plot([0, 1], [0, 1], "-", color="0.7", lw=1.0)
+    for mean, share, count in bins:
+        axis.plot([mean, mean], wilson(round(share * count), count), "-", color="tab:blue", lw=1.2)
+        axis.plot(mean, share, "o", color="tab:blue", ms=3.0 + 1.5 * count**0.5)
+        axis.annotate(str(count), (mean, share), (6, -10), textcoords="offset points", fontsize=8)
+    axis.set(
+        xlabel="stated probability, by the weights of the other worlds",
+        ylabel="fraction of names that are right",
+    )
+    with written_whole(path) as part:
+        figure.savefig(part, format=path.suffix.lstrip("."), dpi=130)
+    return [{"stated": m, "right": s, "names": n} for m, s, n in bins]
+
+
+def _worlds(folders: Mapping[str, Path], keys: Mapping[str, Path], cache: Path) -> Worlds:
+    worlds = {}
+    for name, path in folders.items():
+        rows: list[dict[str, Any]] = []
+        right: list[bool] = []
+        for folder in sorted(p.parent for p in path.glob("*/setup.toml")):
+            if name in keys and not any(keys[name].glob(f"{folder.name}*")):
+                continue
+            found = evidence_table(folder, cache)
+            accepted = right_ids(folder, keys.get(name))
+            rows += found
+            right += [row["id"] in accepted for row in found]
+        if rows:
+            worlds[name] = _columns(rows), np.array(right, dtype=np.float64)
+    return worlds
 
 
 def main() -> None:
@@ -129,33 +180,38 @@ def main() -> None:
     parser.add_argument("--world", action="append", default=[], metavar="NAME=FOLDER")
     parser.add_argument("--keys", action="append", default=[], metavar="NAME=FOLDER")
     parser.add_argument("--cache", type=Path, required=True)
+    parser.add_argument("--score", action="store_true", help="leave the weights as they are")
     options = parser.parse_args()
     options.cache.mkdir(parents=True, exist_ok=True)
-    keys = {name: Path(path) for name, path in (one.split("=", 1) for one in options.keys)}
-    worlds: dict[str, tuple[Array, Array]] = {}
-    for name, path in (one.split("=", 1) for one in options.world):
-        rows: list[dict[str, Any]] = []
-        right: list[bool] = []
-        for folder in sorted(p.parent for p in Path(path).glob("*/setup.toml")):
-            found = evidence_table(folder, options.cache)
-            accepted = right_ids(folder, keys.get(name))
-            rows += found
-            right += [row["id"] in accepted for row in found]
-        if rows:
-            worlds[name] = _columns(rows), np.array(right, dtype=np.float64)
-    _report(worlds)
-    columns, labels = (np.concatenate(part) for part in zip(*worlds.values(), strict=True))
-    weights, covariance = fit_logistic(columns, labels)
+    folders, keys = (
+        {name: Path(path) for name, path in (one.split("=", 1) for one in given)}
+        for given in (options.world, options.keys)
+    )
+    worlds = _worlds(folders, keys, options.cache)
+    kept_out = leave_one_out(worlds)
+    scores = {name: _score(*pair) for name, pair in kept_out.items()}
+    together = [np.concatenate(part) for part in zip(*kept_out.values(), strict=True)]
+    for name, score in scores.items():
+        print(name, score)
+    weights, covariance = fit_logistic(
+        *(np.concatenate(part) for part in zip(*worlds.values(), strict=True))
+    )
     std = np.sqrt(np.diag(covariance))
     fitted = {
         "script": "training/fit_acceptance.py",
-        "names": {world: len(part[1]) for world, part in worlds.items()},
         "intercept": {"value": weights[0], "std": std[0]},
         "weights": {
             name: {"value": weights[k], "std": std[k]} for k, name in enumerate(FEATURES, 1)
         },
     }
-    write_text_whole(OUTPUT, json.dumps(fitted, indent=1) + "\n")
+    card = {
+        "worlds": scores,
+        "all": _score(together[0], together[1]),
+        "bins": _draw(together[0], together[1], PICTURE),
+    }
+    write_text_whole(CARD, json.dumps(card, indent=1) + "\n")
+    if not options.score:
+        write_text_whole(OUTPUT, json.dumps(fitted, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,12 @@
 """Measure the processor time and memory of `vision explain` by size of the campaign.
 
 Strikes of one laboratory with a concealed back-spin, and a swing of two minutes with dry friction.
-Each campaign runs in a process of its own. Run `python -m bench.concealed.cost`.
+Each campaign runs in a process of its own. Run `python -m bench.concealed.cost`; it writes
+docs/results/cost.json, from which `python -m bench.insert` fills the page on speed.
 """
 
 import argparse
+import json
 import resource
 import tempfile
 import time
@@ -19,9 +21,12 @@ from bench.concealed.campaign import perform
 from bench.concealed.sample import CONCEALED, PAPER_LAB
 from bench.concealed.world.design import Noise, draw_design
 from bench.real.made import SwingRig, write_swings
+from metrology import write_text_whole
 from pipelines.explain.campaign import explain_files_in_full
 
 __all__ = ["Cost", "make_strikes", "make_swing", "measure_cost"]
+
+RESULTS = Path(__file__).parents[2] / "docs" / "results" / "cost.json"
 
 SWING = SwingRig(
     0.94, 0.94, 0.02, 0.01, 0.0, 0.0, 0.001, 1e-5, 200.0, 120.0, (0.86,)
@@ -81,7 +86,7 @@ def main() -> None:
     parser.add_argument("--trials", type=int, nargs="*", default=[8, 40, 200])
     parser.add_argument("--no-swing", action="store_true")
     options = parser.parse_args()
-    print("| campaign | processor time | memory | named |\n|---|---|---|---|")
+    found = {}
     with tempfile.TemporaryDirectory() as room:
         made = {f"{count} strikes": Path(room) / str(count) for count in options.trials}
         for count, folder in zip(options.trials, made.values(), strict=True):
@@ -93,11 +98,13 @@ def main() -> None:
         for name, folder in made.items():
             with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
                 cost = pool.submit(measure_cost, folder).result()
-            print(
-                f"| {name} | {cost.seconds:.1f} s | {cost.megabytes:.0f} MB |"
-                f" {', '.join(cost.named) or 'nothing'} |",
-                flush=True,
-            )
+            print(name, cost, flush=True)
+            found[name] = {
+                "seconds": round(cost.seconds, 1),
+                "megabytes": round(cost.megabytes),
+                "named": list(cost.named),
+            }
+    write_text_whole(RESULTS, json.dumps(found, indent=1) + "\n")
 
 
 if __name__ == "__main__":
