@@ -11,7 +11,7 @@ import pandas as pd
 import typer
 from numpy.typing import NDArray
 
-from metrology import UsageError, write_text_whole, written_whole
+from metrology import MeasurementError, UsageError, write_text_whole, written_whole
 from pipelines.cache import clip_digest
 from pipelines.interop.external import (
     BALL,
@@ -255,6 +255,10 @@ class _Filmed:
     warnings: tuple[str, ...]
 
 
+_MIN_ROWS = 4
+"""Rows of a track (derived: a parabola has three parameters; one more tests it)."""
+
+
 def measure_from_tracks(
     path: Path,
     options: MeasureOptions | None = None,
@@ -292,6 +296,11 @@ def measure_from_tracks(
             f"{path.name} has a pendulum and no ball",
             hint='Pass --columns "ball=NAME" to name the ball.',
         )
+    if (rows := len(external.tracks[0].frame)) < _MIN_ROWS:
+        raise MeasurementError(
+            f"{path.name} has only {rows} rows of positions; a motion needs at least {_MIN_ROWS}",
+            hint="Mark the object in more pictures.",
+        )
     inputs = gather_inputs(options.setup, options.ball, options.wall_grid)
     filmed = _of_clip(clip, external) if clip is not None else _without_clip(external)
     camera = options.setup.camera
@@ -308,7 +317,7 @@ def measure_from_tracks(
     followed = FollowedClip(tracks, filmed.clock, rate, inputs, scale, size_seen=seen)
     found = measure_tracks(followed, progress, options.budget)
     source = f"Tracks from {path.name} ({external.program}); no images were analysed."
-    warnings = (source, *external.notes, *said_of_scale, *filmed.warnings)
+    warnings = (*external.notes, *said_of_scale, *filmed.warnings, source)
     return measurement_of(filmed.info, followed, found, warnings)
 
 

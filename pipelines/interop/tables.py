@@ -484,10 +484,10 @@ _HEADER_SEARCH_LINES = 14
 
 
 def _quote_text(lines: Sequence[str], at: int) -> str:
-    """Row in which a quotation mark is not closed, for a message."""
+    """Line in which a quotation mark is not closed, for a message."""
     odd = (k for k, line in enumerate(lines[at + 1 :], start=1) if line.count('"') % 2)
     first = next(odd, None)
-    return "" if first is None else f"; the quotation mark in row {first} is not closed"
+    return "" if first is None else f"; the quotation mark in line {at + first + 1} is not closed"
 
 
 def _sheet(path: Path) -> pd.DataFrame:
@@ -618,6 +618,8 @@ def _spreadsheet(table: pd.DataFrame, path: Path, said: Mapping[str, str]) -> Ex
         if found is not None:
             metre, second = parse_quantity(f"1 {found.length}", "m"), second * _TIMES_S[found.time]
             notes.append(found.note(path.name))
+        else:
+            _refuse_exchanged(path, uses[0][1], marks, times)
     factor = second / uses[0][1].second
     tracks = []
     for one in marks:
@@ -627,6 +629,24 @@ def _spreadsheet(table: pd.DataFrame, path: Path, said: Mapping[str, str]) -> Ex
         tracks.append(_track(one.name, place, one.frame, time))
     plane = None if metre is None else _table_plane()
     return _found(path, Program.TABLE, tracks, plane, notes)
+
+
+def _refuse_exchanged(
+    path: Path, use: ColumnUse, marks: Sequence["_Marks"], times: Sequence[str]
+) -> None:
+    """Refuse a table whose flight falls along x.
+
+    Raises
+    ------
+    UsageError
+    """
+    turned = [one.for_units() for one in marks if one.time is not None]
+    if units_by_fall([(time, place[:, ::-1]) for time, place in turned], times) is not None:
+        x, y = use.columns["x"], use.columns["y"]
+        raise UsageError(
+            f"{path}: x and y are exchanged: the flight falls along the column {x!r}, not {y!r}",
+            hint=f'Pass --columns "x={y}, y={x}".',
+        )
 
 
 _TIMES_S = {"s": 1.0, "ms": 1e-3}

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from metrology import UsageError
+from metrology import MeasurementError, UsageError
 from pipelines.api.quantities import measure_options
 from pipelines.checker.fall import find_fall, units_by_fall
 from pipelines.interop.headers import positions_of, read_clock, time_column
@@ -190,3 +190,34 @@ def test_a_stray_quote_is_refused_with_its_line() -> None:
 
     with pytest.raises(UsageError, match="line 5"):
         read_sheet(shared_folder("inputs") / "explain_trials_two_quotes.csv", {})
+
+
+def thrown_table(head: str, order: str, rows: int = 120) -> str:
+    noise = np.random.default_rng(1)
+    lines = [head]
+    for number in range(rows):
+        t = number / 240.0
+        x, y = 0.3 + 2.1 * t, 0.4 + 2.6 * t - 4.9 * t * t
+        x, y = x + noise.normal(0.0, 5e-4), y + noise.normal(0.0, 5e-4)
+        cells = {"t": t, "x": x, "y": y}
+        lines.append(",".join(f"{cells[letter]:.6g}" for letter in order))
+    return "\n".join(lines) + "\n"
+
+
+def test_exchanged_columns_are_named_with_their_cure(tmp_path: Path) -> None:
+    table = tmp_path / "t.csv"
+    table.write_text(thrown_table("t,x,y", "tyx"))
+    with pytest.raises(UsageError, match="x and y are exchanged") as refusal:
+        measure_from_tracks(table, measure_options(ball="220 mm"))
+    assert '--columns "x=y, y=x"' in str(refusal.value)
+    cured = measure_from_tracks(
+        table, measure_options(ball="220 mm"), columns=parse_columns("x=y, y=x")
+    )
+    assert cured.quantity("flight_speed").known
+
+
+def test_a_few_rows_are_no_motion(tmp_path: Path) -> None:
+    table = tmp_path / "t.csv"
+    table.write_text(thrown_table("t,x,y", "txy", rows=3))
+    with pytest.raises(MeasurementError, match="only 3 rows"):
+        measure_from_tracks(table, measure_options(ball="220 mm"))
