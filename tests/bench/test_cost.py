@@ -6,7 +6,7 @@ from multiprocessing import get_context
 import pandas as pd
 import pytest
 
-from bench.concealed.cost import make_strikes, make_swing, measure_cost
+from bench.explain_cost import make_strikes, make_swing, measure_cost
 
 
 def test_strikes_are_drawn_in_any_number(tmp_path):

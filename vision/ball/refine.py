@@ -4,8 +4,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.signal
-import scipy.stats
 from numpy.typing import NDArray
 
 from vision.ball.ball import LEAST_CONTRAST, SMALL_RADIUS, BallFits, trusted_rows
@@ -66,6 +64,9 @@ _LEAST_INNER_PX = 2.2
 _WINDOWS = (13, 7)
 """Frames over which motion is smooth, the longer where there are enough: errors of neighbours are
 alike, as the ball looks alike."""
+_BOUNDED = 0.9247
+"""Mean square of a normal variable, bounded at nine times its median (derived)."""
+
 _FEWEST_WINDOWS = 8
 """Windows that tell a scatter: to a third (derived)."""
 
@@ -404,12 +405,9 @@ def _scatter(fits: BallFits, window: int) -> FloatArray | None:
     run = fits.frame[window - 1 :] - fits.frame[: 1 - window] == window - 1
     if np.count_nonzero(run) < _FEWEST_WINDOWS:
         return None
-    middle = np.zeros(window)
-    middle[window // 2] = 1.0
-    weight = middle - scipy.signal.savgol_coeffs(window, 3)
+    cubic = np.vander(np.linspace(-1.0, 1.0, window), 4)
+    weight = (np.eye(window) - cubic @ np.linalg.pinv(cubic))[window // 2]
     each = np.lib.stride_tricks.sliding_window_view(fits.centre, window, axis=0)[run]
     square = (each @ weight) ** 2 / (weight @ weight)
-    usual, normal = np.median(square, axis=0), scipy.stats.chi2
-    bound = 9.0 * float(normal.ppf(0.5, 1))
-    unbiased = normal.cdf(bound, 3) + bound * normal.sf(bound, 1)
-    return np.asarray(np.minimum(square, 9.0 * usual).mean(axis=0) / unbiased)
+    usual = np.median(square, axis=0)
+    return np.asarray(np.minimum(square, 9.0 * usual).mean(axis=0) / _BOUNDED)

@@ -1,7 +1,7 @@
 """Measure the processor time and memory of `vision explain` by size of the campaign.
 
 Strikes of one laboratory with a concealed back-spin, and a swing of two minutes with dry friction.
-Each campaign runs in a process of its own. Run `python -m bench.concealed.cost`; it writes
+Each campaign runs in a process of its own. Run `python -m bench.explain_cost`; it writes
 docs/results/cost.json, from which `python -m bench.insert` fills the page on speed.
 """
 
@@ -26,7 +26,7 @@ from pipelines.explain.campaign import explain_files_in_full
 
 __all__ = ["Cost", "make_strikes", "make_swing", "measure_cost"]
 
-RESULTS = Path(__file__).parents[2] / "docs" / "results" / "cost.json"
+RESULTS = Path(__file__).parents[1] / "docs" / "results" / "cost.json"
 
 SWING = SwingRig(
     0.94, 0.94, 0.02, 0.01, 0.0, 0.0, 0.001, 1e-5, 200.0, 120.0, (0.86,)
@@ -82,7 +82,7 @@ def measure_cost(folder: Path) -> Cost:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m bench.concealed.cost", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m bench.explain_cost", description=__doc__)
     parser.add_argument("--trials", type=int, nargs="*", default=[8, 40, 200])
     parser.add_argument("--no-swing", action="store_true")
     options = parser.parse_args()
