@@ -61,10 +61,10 @@ _MAX_SLANT = 0.35
 """Horizontal over vertical acceleration of a fall (chosen: a camera rolled by 20°)."""
 
 _SLIPS = (
-    (0.5, "It may be the radius."),
-    (math.pi, "It may be the circumference."),
-    (10.0, "The unit may be cm instead of mm."),
-    (0.1, "The unit may be mm instead of cm."),
+    (0.5, "it may be the radius"),
+    (math.pi, "it may be the circumference"),
+    (10.0, "the unit may be cm instead of mm"),
+    (0.1, "the unit may be mm instead of cm"),
 )
 """Stated over true value of usual slips."""
 
@@ -395,7 +395,7 @@ def _made(cause: Cause, label: str, unit: str, factor: float, option: str, rank:
     fits = f"{format_value(factor * cause.value, factor * cause.std, unit or '1')}"
     ratio = cause.stated / cause.value
     slips = [text for slip, text in _SLIPS if abs(math.log(ratio / slip)) < _USUAL_RELATIVE]
-    slip = f" {slips[0]}" if slips and cause.key == "ball" else ""
+    slip = f" ({slips[0]})" if slips and cause.key == "ball" else ""
     return _Cure(cause, label, stated, fits, option, rank, slip)
 
 
@@ -422,7 +422,7 @@ def _joined(found: Contradictory, cures: Sequence[_Cure], names: Sequence[str]) 
         sentence = (
             f"Likely cause: {best.label} does not fit the rest ({others}). With {wanted}"
             f" everything fits (χ² {best.cause.chi2_before:.0f} → {best.cause.chi2:.0f}):"
-            f" {best.option}.{best.slip}"
+            f" {best.option}{best.slip}."
         )
     else:
         choices = "; ".join(cure.in_words for cure in likely)

@@ -439,7 +439,7 @@ _VALUES: dict[str, Callable[[_Strike], float]] = {
         np.nan if s.ball_mass is None else s.ball_mass * float(np.hypot(*s.state[2:]))
     ),
     "energy_loss": lambda s: s.of_swings(lambda w: w.energy_loss),
-    "gravity": lambda s: float(s.impact.free_flight.fitted.values[6]),
+    "gravity": lambda s: _fall(s.impact.free_flight),
     "landing_moment": lambda s: s.of_landing(lambda landed, _: landed),
     "landing_height": lambda s: s.of_landing(lambda _, there: float(there[1])),
     "landing_distance_seen": lambda s: s.distance_seen,
@@ -447,6 +447,12 @@ _VALUES: dict[str, Callable[[_Strike], float]] = {
     "ball_speed_eq7": lambda s: s.of_masses(s.eq7),
     "eq7_by_gravity": lambda s: s.of_masses(s.eq7_by_gravity),
 }
+
+
+def _fall(free: FlightFit) -> float:
+    """Acceleration of a flight fitted without a prior; NaN where its frames do not determine it."""
+    determined = free.fitted.covariance[6, 6] > 0.0
+    return float(free.fitted.values[6]) if determined else np.nan
 
 
 def _evaluate(impact: Impact, inputs: Inputs, shift: _Shift, names: Container[str]) -> FloatArray:

@@ -13,7 +13,6 @@ from rich.table import Table
 
 from metrology import Quantity, UsageError, write_text_whole
 from metrology.files import printable
-from metrology.quantity import format_quantity
 from pipelines.measure.impact import Impact, arm_along_bar, gap_after, gap_before
 from pipelines.measure.inputs import QuantityName, kinds_of, main_quantities
 from pipelines.measure.measurement import ClipMeasurement, alternative_kinds
@@ -375,7 +374,7 @@ def overlay_marks(measured: ClipMeasurement) -> OverlayMarks:
     """Marks of the overlay in addition to the tracks."""
     fps = measured.rate.fps
     captions = tuple(
-        f"{quantity_label(item.name)}: {format_quantity(item)}"
+        f"{quantity_label(item.name)}: {quantity_text(item)}"
         for item in measured.quantities
         if item.name in _CAPTIONS and item.known
     )

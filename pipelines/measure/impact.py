@@ -173,10 +173,6 @@ Derived bounds: the rear of the outline moves in by the whole compression, the f
 circle through all of it leads by up to 0.5, one without the rear by 0; robust fits drop most of
 it."""
 
-BESIDE_MASS = 0.6
-"""Error of the ball's outline beside the mass, in the middle of a contact, over its stated std
-(fitted to true positions of 30 ray-traced strikes: 0.57)."""
-
 # Deviation of the ball's path from the pulse, over speed gained × Δt (chosen).
 PULSE_SHAPE_STD = 0.003
 
@@ -290,7 +286,6 @@ class ImpactView:
     time_s, position_m, std_m : (M,), (M, 2), (M,) arrays
         Observed centre of the ball's outline in the frames around contact, and its std along the
         flight.
-        Pendulum's angle in the frames around contact.
     face_offset, face_offset_std : float
         Lead of the face over the line from pivot to mass.
     longest_s : float
@@ -393,7 +388,10 @@ def fit_contact(view: ImpactView, around_s: float, *, check_bound: bool = True) 
         _require_possible(view, fine, prior, around_s)
     fine = fine.at(prior < prior.min() + _NEGLIGIBLE)
     for _ in range(_REFINEMENTS):
-        fine = _every_contact(view, around_s, fine.at(_posterior(view, whitening, fine).likely))
+        finer = _every_contact(view, around_s, fine.at(_posterior(view, whitening, fine).likely))
+        if not np.isfinite(_prior(view, finer)).any():
+            break
+        fine = finer
     found = _posterior(view, whitening, fine)
     face, covariance = _mean_and_covariance(found.cost + found.beyond, fine.face)
     # the shift by the bound is unexplained, so it counts as uncertainty
@@ -729,7 +727,8 @@ def _path_residuals(
     per_lag[:-1] = whitening(lagging / std[..., np.newaxis])
     # the mass beside the ball moves its outline, too, while they touch
     usual = float(np.median(view.std_m)) if len(view.std_m) else 0.0
-    beside = BESIDE_MASS * usual / np.maximum(lagging.max(axis=0, initial=0.0), 1e-9)
+    usual *= face_prior()["beside_mass"]["over_std"]
+    beside = usual / np.maximum(lagging.max(axis=0, initial=0.0), 1e-9)
     return left, per_lag, np.hypot(OUTLINE_AHEAD_STD, beside)
 
 

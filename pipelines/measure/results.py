@@ -72,6 +72,7 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 
 NOT_ASKED = "it was not asked for"
+_NO_FALL = "the flight that was followed is too short to show a fall; film more of it"
 _UNDETERMINED = "it could not be determined from this clip"
 _PIXELS = frozenset(name.value for name in QuantityName if name.value not in QUANTITY_UNITS)
 _NEEDS_METRES = {"m", "m/s", "N s", "J"}
@@ -449,6 +450,8 @@ def _unknown(evaluated: Evaluated, name: str) -> str:
     missing = missing_input(evaluated.scene.inputs, name)
     if missing is not None:
         return missing
+    if name == "gravity" and evaluated.impact is not None:
+        return _NO_FALL
     if evaluated.impact is not None and evaluated.impact.contact is None:
         return evaluated.impact.reason
     if name == QuantityName.COR_RANGE and evaluated.impact is not None:

@@ -4,7 +4,7 @@ Positions and times are SI: x from the ball's centre at rest, y up from the floo
 first frame.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -23,6 +23,7 @@ __all__ = [
     "PathRecord",
     "ReportInput",
     "SpeedRecord",
+    "for_people",
     "quantity_label",
     "quantity_text",
 ]
@@ -274,9 +275,16 @@ def quantity_text(quantity: Quantity) -> str:
         return f"{quantity.value:.0f} ± {quantity.std:.1f}"
     if quantity.std == 0.0:
         return format_value(quantity.value, None, quantity.unit)
-    if quantity.name in _IN_MILLISECONDS and quantity.std is not None:
-        return format_value(1e3 * quantity.value, 1e3 * quantity.std, "ms")
-    return format_quantity(quantity)
+    return format_quantity(for_people(quantity))
+
+
+def for_people(quantity: Quantity) -> Quantity:
+    """The quantity in the unit that people read; files hold SI."""
+    if quantity.name not in _IN_MILLISECONDS or quantity.value is None or quantity.std is None:
+        return quantity
+    budget = tuple(replace(line, std=1e3 * line.std) for line in quantity.budget)
+    value, std = 1e3 * quantity.value, 1e3 * quantity.std
+    return replace(quantity, value=value, std=std, unit="ms", budget=budget)
 
 
 _IN_MILLISECONDS = frozenset({"contact_time", "contact_start", "contact_end"})

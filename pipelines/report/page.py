@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from metrology import Contribution, Quantity, write_text_whole
 from metrology.quantity import format_pair, format_unit
-from pipelines.report.inputs import ReportInput, quantity_label, quantity_text
+from pipelines.report.inputs import ReportInput, for_people, quantity_label, quantity_text
 
 if TYPE_CHECKING:
     from pipelines.report.plots import Panel
@@ -141,7 +141,8 @@ def report_html(report: ReportInput, panels: "Sequence[Panel]" = ()) -> str:
     )
 
 
-def _row(quantity: Quantity) -> _Row:
+def _row(given: Quantity) -> _Row:
+    quantity = for_people(given)
     label, unit = quantity_label(quantity.name), format_unit(quantity.unit)
     if quantity.value is None:
         return _Row(label, "", "", "", unit, quantity.reason or "not measured", "", ())

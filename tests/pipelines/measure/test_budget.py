@@ -13,6 +13,7 @@ from pipelines.measure.budget import (
     DERIVED,
     ClipConditions,
     Propagation,
+    derived_values,
     impact_after_move,
     merged,
     random_covariance,
@@ -20,6 +21,7 @@ from pipelines.measure.budget import (
     values_after_move,
     values_of,
 )
+from pipelines.measure.flight_fit import FlightPriors, fit_flight
 from pipelines.measure.impact import find_impact
 from pipelines.measure.inputs import gather_inputs
 from pipelines.measure.metres import BallScale, MetricTracks, radius_relative_std, tracks_in_metres
@@ -238,6 +240,21 @@ def test_a_ball_seen_less_clearly_tells_a_scale_less_surely() -> None:
     unclear = replace(ball, radius_std_px=np.full(60, 0.3))
     # four times what frames state beyond a clean outline's own
     assert radius_relative_std(unclear) == pytest.approx(1.2 / 20.0, rel=0.05)
+
+
+@pytest.mark.parametrize("lasting_s", [1e-6, 0.1])
+def test_a_fall_that_the_frames_do_not_determine_is_not_given(lasting_s: float) -> None:
+    inputs = gather_inputs(Setup(), "jokku", None)
+    impact = find_impact(ideal_tracks(*known_stroke("jokku", 60.0), Noise()), inputs)
+    time = impact.free_flight.time_s[0] + np.linspace(0.0, lasting_s, 8)
+    place = impact.free_flight.states(time)[:, :2]
+    priors = FlightPriors(inputs.gravity, np.inf, 0.0, 1e-6, 0.0, 1e-6)
+    short = fit_flight(time, place, np.tile(np.eye(2) * 1e-10, (8, 1, 1)), float(time[0]), priors)
+    found = derived_values(replace(impact, free_flight=short), inputs)
+    fall = found[list(DERIVED).index("gravity")]
+    std = np.sqrt(short.fitted.covariance[6, 6])
+    assert np.isfinite(fall) == (lasting_s == 0.1)
+    assert np.isnan(fall) or abs(fall - 9.806) < 5.0 * std
 
 
 @pytest.mark.parametrize(
