@@ -33,6 +33,7 @@ __all__ = [
     "CorLawOption",
     "CorOption",
     "CsvOption",
+    "DetectionsOption",
     "DragOption",
     "EffectOption",
     "EveryOption",
@@ -56,6 +57,7 @@ __all__ = [
     "ScaleOption",
     "SetupFileOption",
     "SetupOption",
+    "TrackletsOption",
     "TracksOption",
     "guarded",
     "loading",
@@ -341,6 +343,16 @@ JsonOption = Annotated[
 TracksOption = Annotated[
     Path | None, typer.Option("--tracks", help="Write the tracks as CSV."), FileRole.WRITES
 ]
+DetectionsOption = Annotated[
+    Path | None,
+    typer.Option("--detections", help="Write all round objects found as CSV."),
+    FileRole.WRITES,
+]
+TrackletsOption = Annotated[
+    Path | None,
+    typer.Option("--tracklets", help="Write these linked to objects, and which is measured."),
+    FileRole.WRITES,
+]
 OverlayOption = Annotated[
     Path | None, typer.Option("--overlay", help="Write an overlay video."), FileRole.WRITES
 ]
@@ -361,7 +373,9 @@ JobsOption = Annotated[
 ]
 FromTracksOption = Annotated[
     Path | None,
-    typer.Option("--from-tracks", help="Read tracks of another program; do not track the clip."),
+    typer.Option(
+        "--from-tracks", help="Read tracks of another program, or a corrected --tracklets table."
+    ),
 ]
 ColumnsOption = Annotated[
     str | None,

@@ -16,7 +16,7 @@ from vision.ball.refine import refine_ball
 from vision.clip.footage import Footage
 from vision.finding.detection import detect, searched_frames, with_small
 from vision.finding.linking import Tracklet, link
-from vision.finding.selection import Selection, select
+from vision.finding.selection import FoundObjects, select
 from vision.lost import LostFrames, lost_frames
 from vision.motions.motion import interpret_tracks
 from vision.pendulum.face import Striking
@@ -36,6 +36,7 @@ from vision.tracks import (
 
 if TYPE_CHECKING:
     from vision.clip.clip import ClipReader
+    from vision.stages import GivenObjects
 
 __all__ = ["follow"]
 
@@ -59,6 +60,7 @@ def follow(
     *,
     ball_at: Point | None = None,
     mass_at: Point | None = None,
+    given: "GivenObjects | None" = None,
     progress: Callable[[float], None] | None = None,
 ) -> Tracks:
     """Find and follow the ball and the pendulum mass through a clip.
@@ -73,6 +75,8 @@ def follow(
         x, y (px) and, if wanted, frame of a point on the ball, where the automatic choice is wrong.
     mass_at : tuple, optional
         The same for the pendulum mass, just before contact.
+    given : GivenObjects, optional
+        A corrected table, which takes the place of detecting, or of detecting and linking.
     progress : callable, optional
         Called with the part done, 0 to 1.
 
@@ -84,11 +88,17 @@ def follow(
     ------
     NotFoundError
         If nothing round moves in the clip, or nothing where the user points.
+    UsageError
+        If the corrected table is of another clip.
     """
-    recording = _one_scene(clip, ball_at or mass_at)
+    recording = _one_scene(clip, ball_at or mass_at or (None if given is None else given.point))
+    if given is not None:
+        given.require_within(recording.whole)
     for looks_left in range(_MAX_BREAKS, -1, -1):
         footage = recording.footage
-        tracks, scene, seen = _followed_in(recording, capture_fps, ball_at, mass_at, progress)
+        tracks, scene, seen = _followed_in(
+            recording, capture_fps, ball_at, mass_at, given, progress
+        )
         others = [other.track for other in tracks.others]
         lost = lost_frames(seen, others, tracks.pendulum)
         if lost is None or not looks_left:
@@ -179,64 +189,33 @@ def _leap_in(scene: FilmedScene, lost: LostFrames, ball: Track) -> LostFrames:
     return replace(lost, after=lost.after + int(np.argmax(change)))
 
 
-@dataclass(frozen=True)
-class _Found:
-    """Tracklets of a clip, and which is measured.
-
-    Attributes
-    ----------
-    tracklets : tuple of Tracklet
-    selection : Selection
-    chosen : int
-        The tracklet that is measured.
-    pointed : bool
-        Whether the user pointed at it.
-    """
-
-    tracklets: tuple[Tracklet, ...]
-    selection: Selection
-    chosen: int
-    pointed: bool
-
-    @property
-    def ball(self) -> Tracklet:
-        """The tracklet that is measured."""
-        return self.tracklets[self.chosen]
-
-    @property
-    def rivals(self) -> list[Tracklet]:
-        """The others, most probable first."""
-        order = [place for place in self.selection.order.tolist() if place != self.chosen]
-        return [self.tracklets[place] for place in order]
-
-    @property
-    def probability(self) -> float:
-        """That it is the measured object."""
-        return 1.0 if self.pointed else float(self.selection.probability[self.chosen])
-
-
-def _find(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Found | None:
+def _find(
+    scene: FilmedScene, at: tuple[float, float, int | None] | None, given: "GivenObjects | None"
+) -> FoundObjects | None:
     """Detect, link and select; None where surely nothing is found."""
     frames = searched_frames(scene)
-    seen = detect(scene)
-    tracklets = link(seen, frames, scene.shape)
+    seen = detect(scene) if given is None else given.seen
+    tracklets = [] if given is None else list(given.tracklets)
+    tracklets = tracklets or link(seen, frames, scene.shape)
     selection = select(tracklets, len(frames), scene.shape)
-    if at is not None or selection.probability.max(initial=0.0) < _SURE_OBJECT:
+    sure = selection.probability.max(initial=0.0) >= _SURE_OBJECT
+    if given is None and (at is not None or not sure):
         # a small object shows better at a higher resolution
-        tracklets = link(with_small(scene, seen), frames, scene.shape)
+        seen = with_small(scene, seen)
+        tracklets = link(seen, frames, scene.shape)
         selection = select(tracklets, len(frames), scene.shape)
     if not tracklets:
         return None
+    found = FoundObjects(seen, tuple(tracklets), selection, int(selection.order[0]), False)
     if at is None:
-        if selection.none >= _SURE_OBJECT:
-            return None
-        return _Found(tuple(tracklets), selection, int(selection.order[0]), False)
+        if given is not None and given.measured is not None:
+            return replace(found, chosen=given.measured, pointed=True)
+        return None if selection.none >= _SURE_OBJECT else found
     away = np.array([_distance(tracklet, at) for tracklet in tracklets])
     if not np.any(away < 1.0):
         return None
     order = selection.order
-    chosen = int(order[np.flatnonzero(away[order] < 1.0)[0]])
-    return _Found(tuple(tracklets), selection, chosen, True)
+    return replace(found, chosen=int(order[np.flatnonzero(away[order] < 1.0)[0]]), pointed=True)
 
 
 def _distance(tracklet: Tracklet, at: tuple[float, float, int | None]) -> float:
@@ -320,6 +299,7 @@ def _followed_in(
     capture_fps: float,
     ball_at: Point | None,
     mass_at: Point | None,
+    given: "GivenObjects | None",
     progress: Callable[[float], None] | None,
 ) -> tuple[Tracks, FilmedScene, Track]:
     """Follow ball and pendulum through a recording; the scene, and every place the ball is seen.
@@ -329,7 +309,8 @@ def _followed_in(
     footage = recording.footage
     scene = FilmedScene(footage)
     _tell(progress, 0.2)
-    found = _find(scene, _located(ball_at, footage))
+    own = None if given is None else given.in_footage(footage)
+    found = _find(scene, _located(ball_at, footage), own)
     if found is None:
         raise _no_ball(ball_at)
     path = _path_of(found.ball)
@@ -382,6 +363,7 @@ def _followed_in(
         shift_px=scene.shifts(),
         motion=motion,
         reasons=_reasons(found),
+        found=found,
     )
     seen_at = fits if picture is not scene else _with_gaps(scene, fits)
     return tracks, scene, _track(seen_at, capture_fps)
@@ -505,7 +487,7 @@ def _pendulum(striker: Striker | None, rest: Rest | None, fps: float) -> Pendulu
     return None if striker is None or rest is None else pendulum_track(striker, rest, fps)
 
 
-def _came(found: _Found, rest: Rest) -> Tracklet | None:
+def _came(found: FoundObjects, rest: Rest) -> Tracklet | None:
     """The other tracklet that came to the one at rest and met it as it left, if there is one."""
     size = found.ball.radius
     for other in found.rivals:
@@ -538,7 +520,7 @@ _MIN_BOW_PX = 1.0
 
 
 def _others(
-    scene: FilmedScene, found: _Found, came: Tracklet | None, fps: float
+    scene: FilmedScene, found: FoundObjects, came: Tracklet | None, fps: float
 ) -> tuple[FollowedObject, ...]:
     """What else is round and moves: what met the ball is fitted as finely, the others as found."""
     objects = []
@@ -563,7 +545,7 @@ _OTHER_OBJECT = 0.99
 twenty other tracklets."""
 
 
-def _an_object(found: _Found, other: Tracklet) -> bool:
+def _an_object(found: FoundObjects, other: Tracklet) -> bool:
     """Whether a tracklet would surely be selected if it were alone, and is no shadow."""
     place = next(k for k, one in enumerate(found.tracklets) if one is other)
     return bool(found.selection.alone[place] > _OTHER_OBJECT and not _maybe_shadow(other))
@@ -584,7 +566,7 @@ def _looks(tracklet: Tracklet) -> tuple[str, ...]:
 
 
 def _dismissed(
-    found: _Found, others: tuple[FollowedObject, ...], fps: float
+    found: FoundObjects, others: tuple[FollowedObject, ...], fps: float
 ) -> tuple[FollowedObject, ...]:
     """What was found and is most probably no object of its own."""
     return tuple(
@@ -598,7 +580,7 @@ def _dismissed(
     )
 
 
-def _reasons(found: _Found) -> tuple[str, ...]:
+def _reasons(found: FoundObjects) -> tuple[str, ...]:
     if found.pointed:
         return ("You pointed at it.",)
     return (
@@ -645,7 +627,7 @@ def _pointer(tracklet: Tracklet, footage: Footage) -> str:
 
 
 def _warnings(
-    found: _Found,
+    found: FoundObjects,
     came: Tracklet | None,
     rest: Rest | None,
     striker: Striker | None,

@@ -5,12 +5,15 @@ centres are integers, (0, 0) is the centre of the top-left pixel, y points down;
 camera places are those of the still scene.
 """
 
+import hashlib
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from metrology import NotFoundError
+from metrology import NotFoundError, UsageError
 from vision.ball.ball import follow_ball
 from vision.ball.path import BallPath
 from vision.ball.refine import refine_ball
@@ -20,16 +23,30 @@ from vision.finding.detection import Detections, with_small
 from vision.finding.detection import detect as detected
 from vision.finding.linking import Tracklet
 from vision.finding.linking import link as linked
-from vision.finding.selection import FEATURES, select, tracklet_features
+from vision.finding.selection import FEATURES, FoundObjects, select, tracklet_features
 from vision.scene import FilmedScene
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["detect", "interpret", "link", "refine", "tracklet_table"]
+__all__ = [
+    "GivenObjects",
+    "candidate_table",
+    "detect",
+    "detection_table",
+    "given_objects",
+    "interpret",
+    "link",
+    "refine",
+    "tracklet_table",
+]
+
+FloatArray = NDArray[np.float64]
 
 _COLOURS = ("blue", "green", "red")
 _SINGLE = ("coverage", "sharpness", "evenness", "light")
+_CONTRASTS = tuple(f"contrast_{colour}" for colour in _COLOURS)
+_COLUMNS = ("frame", "x_px", "y_px", "radius_px", *_SINGLE, *_CONTRASTS, *_COLOURS)
 
 
 def detect(clip: "str | Path | ClipReader") -> "pd.DataFrame":
@@ -128,7 +145,7 @@ def interpret(tracklets: "pd.DataFrame", shape: tuple[int, int] | None = None) -
 
 
 def refine(
-    clip: "str | Path | ClipReader", tracklets: "pd.DataFrame", tracklet: int = 0
+    clip: "str | Path | ClipReader", tracklets: "pd.DataFrame", tracklet: int | None = None
 ) -> "pd.DataFrame":
     """Fit the outline of one tracklet in each frame.
 
@@ -138,8 +155,8 @@ def refine(
         The clip.
     tracklets : DataFrame
         As `link` returns, corrected where it was wrong.
-    tracklet : int
-        Which one.
+    tracklet : int, optional
+        Which one; by default the rows marked in a column `measured`, else tracklet 0.
 
     Returns
     -------
@@ -153,10 +170,13 @@ def refine(
     """
     import pandas as pd
 
-    rows = tracklets[tracklets["tracklet"] == tracklet].sort_values("frame")
+    if tracklet is None and "measured" in tracklets and tracklets["measured"].any():
+        rows = tracklets[tracklets["measured"] == 1].sort_values("frame")
+    else:
+        rows = tracklets[tracklets["tracklet"] == (tracklet or 0)].sort_values("frame")
     if len(rows) < 2:
         raise NotFoundError(
-            f"the table has no tracklet {tracklet} of two rows or more",
+            f"the table has no tracklet {tracklet or 0} of two rows or more",
             hint=f"Pass one of {sorted(tracklets['tracklet'].unique().tolist())}.",
         )
     footage, scene = _scene(clip)
@@ -166,7 +186,7 @@ def refine(
     fits = follow_ball(scene, path)
     if len(fits) == 0:
         raise NotFoundError(
-            f"no outline was found along tracklet {tracklet}",
+            "no outline was found along the tracklet",
             hint="Check its rows against the clip, or choose another tracklet.",
         )
     fits = refine_ball(scene, fits)
@@ -208,6 +228,184 @@ def tracklet_table(tracklets: list[Tracklet]) -> "pd.DataFrame":
     return pd.concat(parts, ignore_index=True)
 
 
+def candidate_table(found: FoundObjects) -> "pd.DataFrame":
+    """Tracklets of a followed clip: columns of `link`, `probability`, and 1 where `measured`."""
+    table = tracklet_table(list(found.tracklets))
+    table["probability"] = found.selection.probability[table["tracklet"].to_numpy()]
+    table["measured"] = (table["tracklet"] == found.chosen).astype(int)
+    return table
+
+
+@dataclass(frozen=True)
+class GivenObjects:
+    """A corrected table, which takes the place of detecting, or of detecting and linking.
+
+    Attributes
+    ----------
+    digest : str
+        Of its numbers.
+    seen : Detections
+    tracklets : tuple of Tracklet
+        Empty for a table of detections.
+    measured : int or None
+        Place of the tracklet that is marked; None leaves the choice to the probabilities.
+    """
+
+    digest: str
+    seen: Detections = field(repr=False)
+    tracklets: tuple[Tracklet, ...] = field(repr=False)
+    measured: int | None = None
+
+    @property
+    def point(self) -> tuple[float, float, int] | None:
+        """Place and frame of the first row that is marked."""
+        if self.measured is None:
+            return None
+        marked = self.tracklets[self.measured]
+        x, y = marked.centre_px[0]
+        return float(x), float(y), int(marked.frame[0])
+
+    def require_within(self, count: int) -> None:
+        """Refuse rows beyond a clip of so many frames.
+
+        Raises
+        ------
+        UsageError
+        """
+        last = int(self.seen.frame[-1])
+        if last >= count:
+            raise UsageError(
+                f"the corrected table has a row in frame {last}; the clip has {count} frames",
+                hint="Pass the clip that was followed, with the same --every; frames count from 0.",
+            )
+
+    def in_footage(self, footage: Footage) -> "GivenObjects":
+        """The rows in a part of the clip, with its frame numbers.
+
+        Raises
+        ------
+        NotFoundError
+            If fewer than three of the marked rows are in it.
+        """
+        first, stop = footage.first, footage.first + len(footage.shown)
+
+        def inside(rows: Detections) -> Detections:
+            own = rows.at((rows.frame >= first) & (rows.frame < stop))
+            frame = np.array([footage.of_clip(number) for number in own.frame.tolist()], int)
+            return replace(own, frame=frame)
+
+        parts = [replace(one, seen=inside(one.seen)) for one in self.tracklets]
+        kept = [place for place, part in enumerate(parts) if len(part) >= _MIN_ROWS]
+        if self.measured is not None and self.measured not in kept:
+            raise NotFoundError(
+                f"frames {first} to {stop - 1} hold fewer than {_MIN_ROWS} marked rows",
+                hint="Mark more rows with measured = 1.",
+            )
+        place = None if self.measured is None else kept.index(self.measured)
+        tracklets = tuple(parts[place] for place in kept)
+        return GivenObjects(self.digest, inside(self.seen), tracklets, place)
+
+
+_MIN_ROWS = 3
+"""Rows of a tracklet at least. Derived: fewer determine no motion."""
+
+
+def given_objects(table: object) -> GivenObjects:
+    """Read a corrected table of tracklets or of detections.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As `link` or `detect` returns, or as `vision measure` writes; frames are those of the clip.
+        Rows with 1 in a column `measured` are the measured object, whatever their tracklet.
+
+    Returns
+    -------
+    GivenObjects
+        Without tracklets of fewer than three rows.
+
+    Raises
+    ------
+    UsageError
+        If columns are missing, a number is none, or an object has two rows of one frame.
+    """
+    rows = _numbers(table)
+    digest = hashlib.sha256(rows.to_csv(index=False).encode()).hexdigest()
+    if "tracklet" not in rows:
+        return GivenObjects(digest, _detections(rows), ())
+    marked = rows["measured"].to_numpy() == 1.0
+    rows.loc[marked, "tracklet"] = -1.0
+    objects = [own for _, own in rows.groupby("tracklet") if len(own) >= _MIN_ROWS]
+    for own in objects:
+        _refuse_repeated(own)
+    if not objects or 0 < marked.sum() < _MIN_ROWS:
+        raise UsageError(
+            f"the corrected table has no object of {_MIN_ROWS} rows or more to measure",
+            hint="Mark the rows of the measured object with 1 in the column measured.",
+        )
+    # the marked rows come first
+    measured = 0 if marked.any() else None
+    return GivenObjects(digest, _detections(rows), tuple(map(_tracklet, objects)), measured)
+
+
+_WHOLE = ("frame", "tracklet", "measured")
+
+
+def _numbers(table: object) -> "pd.DataFrame":
+    """The columns that are used, as numbers; empty features get the tracklet's medians."""
+    import pandas as pd
+
+    if not isinstance(table, pd.DataFrame):
+        raise UsageError(f"{table!r} is no table", hint="Pass a DataFrame or the path of a table.")
+    missing = [name for name in _COLUMNS if name not in table]
+    if missing or len(table) == 0:
+        lacks = f"lacks the columns {', '.join(missing)}" if missing else "is empty"
+        raise UsageError(
+            f"the corrected table {lacks}",
+            hint="Correct a table that --tracklets or --detections wrote, and keep its columns.",
+        )
+    optional = [name for name in ("tracklet", "log_odds", "measured") if name in table]
+    rows = table[[*_COLUMNS, *optional]].apply(pd.to_numeric, errors="coerce").astype(float)
+    if "measured" in rows:
+        rows.loc[table["measured"].isna(), "measured"] = 0.0
+    elif "tracklet" in rows:
+        rows["measured"] = 0.0
+    for name in ("x_px", "y_px", "radius_px", *_WHOLE):
+        if name in rows:
+            _refuse_wrong(name, rows[name].to_numpy(), table)
+    groups = rows["tracklet"] if "tracklet" in rows else np.zeros(len(rows))
+    medians = rows.groupby(groups).transform("median")
+    filled: pd.DataFrame = rows.fillna(medians).fillna(rows.median()).fillna(1.0)
+    return filled
+
+
+def _refuse_wrong(name: str, values: FloatArray, table: "pd.DataFrame") -> None:
+    wrong = ~np.isfinite(values)
+    if name in _WHOLE:
+        wrong |= (values < 0) | (values != np.floor(values))
+    if name == "measured":
+        wrong |= values > 1
+    if name == "radius_px":
+        wrong |= values <= 0
+    if wrong.any():
+        place = int(np.argmax(wrong))
+        raise UsageError(
+            f"row {place + 1} of the corrected table: {name} is {table[name].iloc[place]}",
+            hint="Frames and tracklets count from 0, positions are in px, measured is 0 or 1.",
+        )
+
+
+def _refuse_repeated(own: "pd.DataFrame") -> None:
+    repeated = own["frame"][own["frame"].duplicated()]
+    if len(repeated):
+        number = int(own["tracklet"].iloc[0])
+        name = "measured object" if number < 0 else f"tracklet {number}"
+        raise UsageError(
+            f"the {name} has two rows in frame {int(repeated.iloc[0])}",
+            hint="Keep one row of each object a frame; set measured to 0 in the others.",
+        )
+
+
 def _scene(clip: "str | Path | ClipReader") -> tuple[Footage, FilmedScene]:
     footage = Footage(ClipReader.open(Path(clip)) if isinstance(clip, str | Path) else clip)
     return footage, FilmedScene(footage)
@@ -215,14 +413,13 @@ def _scene(clip: "str | Path | ClipReader") -> tuple[Footage, FilmedScene]:
 
 def _detections(table: "pd.DataFrame") -> Detections:
     ordered = table.sort_values("frame", kind="stable")
-    contrast = [f"contrast_{colour}" for colour in _COLOURS]
     return Detections(
         ordered["frame"].to_numpy(np.int64),
         ordered[["x_px", "y_px"]].to_numpy(np.float64),
         ordered["radius_px"].to_numpy(np.float64),
         ordered["coverage"].to_numpy(np.float64),
         ordered["sharpness"].to_numpy(np.float64),
-        ordered[contrast].to_numpy(np.float64),
+        ordered[list(_CONTRASTS)].to_numpy(np.float64),
         ordered[list(_COLOURS)].to_numpy(np.float64),
         ordered["evenness"].to_numpy(np.float64),
         ordered["light"].to_numpy(np.float64),
@@ -230,7 +427,8 @@ def _detections(table: "pd.DataFrame") -> Detections:
 
 
 def _tracklet(rows: "pd.DataFrame") -> Tracklet:
-    return Tracklet(_detections(rows), float(rows["log_odds"].iloc[0]))
+    odds = float(rows["log_odds"].iloc[0]) if "log_odds" in rows else 0.0
+    return Tracklet(_detections(rows), odds)
 
 
 def _shape(table: "pd.DataFrame", shape: tuple[int, int] | None) -> tuple[int, int]:

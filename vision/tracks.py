@@ -3,10 +3,13 @@
 import math
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Literal, Self
+from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from vision.finding.selection import FoundObjects
 
 __all__ = [
     "Face",
@@ -345,6 +348,8 @@ class Tracks:
     lacks : tuple of (int, int)
         Dropped frames that the time stamps do not show, detected from the flight: frame of the
         clip after which they are missing, and their number.
+    found : FoundObjects or None
+        Detections and tracklets from which they were made; None for tracks of another program.
     """
 
     ball: Track
@@ -358,6 +363,7 @@ class Tracks:
     motion: Motion = Motion(MotionKind.NONE, 0.0)
     reasons: tuple[str, ...] = ()
     lacks: tuple[tuple[int, int], ...] = ()
+    found: "FoundObjects | None" = None
 
     def on_clock(self, clock: FloatArray) -> FloatArray:
         """Times of the clip's frames (F,) in camera frames, dropped ones included."""
@@ -384,6 +390,7 @@ class Tracks:
             dismissed=dismissed,
             motion=motion,
             shift_px=None if shift is None else place.each(shift),
+            found=None if self.found is None else self.found.in_clip(place),
         )
 
 

@@ -10,7 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.calibration import Calibration
-from metrology import CalibrationError, ClipError, Quantity, UsageError, measurands, read_number
+from metrology import (
+    CalibrationError,
+    ClipError,
+    NotFoundError,
+    Quantity,
+    UsageError,
+    measurands,
+    read_number,
+)
 from pipelines.api.quantities import (
     At,
     Given,
@@ -48,7 +56,9 @@ from vision.clip.clip import ClipReader
 from vision.clip.clip import ClipReader as Recording
 from vision.clip.footage import choose_capture_rate
 from vision.clip.picture import ClipInfo, GrayImage
+from vision.finding.selection import FoundObjects
 from vision.overlay import write_overlay
+from vision.stages import candidate_table, detection_table, given_objects
 from vision.tracks import Motion
 
 if TYPE_CHECKING:
@@ -109,6 +119,22 @@ class Measurement:
     def warnings(self) -> tuple[str, ...]:
         """Warnings, as whole sentences; contradictory inputs and what is assumed come first."""
         return tuple(map(in_python, self.record.warnings))
+
+    @property
+    def detections(self) -> "pd.DataFrame":
+        """All round objects found, as `vision.detect` returns them."""
+        return detection_table(self._found().seen)
+
+    @property
+    def tracklets(self) -> "pd.DataFrame":
+        """These linked to objects, as `vision.link`; with `probability`, 1 where `measured`."""
+        return candidate_table(self._found())
+
+    def _found(self) -> FoundObjects:
+        found = self.record.tracks.found
+        if found is None:
+            raise NotFoundError("nothing was searched in a clip", hint="Measure the clip itself.")
+        return found
 
     @property
     def tracks(self) -> "pd.DataFrame":
@@ -242,6 +268,7 @@ def measure(
     cache: bool = True,
     scale: Given | None = None,
     every: int = 1,
+    tracklets: object = None,
 ) -> Measurement:
     """Measure one clip.
 
@@ -266,6 +293,8 @@ def measure(
         wall is then not calibrated.
     every : int
         Read only every n-th picture of a long fast recording; the times stay those of the camera.
+    tracklets : DataFrame or path, optional
+        `Measurement.tracklets`, corrected: the rows with 1 in the column `measured` are followed.
 
     Returns
     -------
@@ -290,6 +319,15 @@ def measure(
     options = measure_options(
         setup, fps, ball, wall_grid, ball_at, mass_at, cache=cache, scale=scale, every=every
     )
+    if tracklets is not None:
+        # tables of files need pandas
+        from pipelines.interop.corrected import read_corrected
+
+        if isinstance(tracklets, str | os.PathLike):
+            corrected = read_corrected(Path(tracklets))
+        else:
+            corrected = given_objects(tracklets)
+        options = replace(options, corrected=corrected)
     with notebook_progress() as progress:
         return Measurement(measure_clip(Path(path), options, progress), options.setup)
 

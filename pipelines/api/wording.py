@@ -12,7 +12,7 @@ __all__ = ["in_python", "worded_for_python"]
 _ARGUMENTS = (
     "fps", "ball", "wall-grid", "fine-grid", "ball-at", "mass-at", "scale", "setup", "lens",
     "support-height", "camera-distance", "ball-plane", "backswing", "impact-speed", "cor", "drag",
-    "trials", "every", "hold-out", "out", "jobs", "pendulum",
+    "trials", "every", "hold-out", "out", "jobs", "pendulum", "tracklets", "detections",
 )  # fmt: skip
 """Options that are arguments of the same name."""
 

@@ -66,6 +66,7 @@ from vision.clip.clip import ClipReader
 from vision.clip.footage import CaptureRate, RateSource, choose_capture_rate
 from vision.clip.picture import ClipInfo
 from vision.following import follow
+from vision.stages import GivenObjects
 from vision.tracks import FollowedObject, MotionKind, Tracks
 
 __all__ = [
@@ -165,7 +166,7 @@ def tracked_once(
         Does the tracking.
     """
     kept = Cache.of_user(wanted=options.cache)
-    given = (capture_fps, options.ball_at, options.mass_at, clip.info.every)
+    given = (capture_fps, options.ball_at, options.mass_at, clip.info.every, options.corrected)
     key = kept.key("tracks", clip.info.sha256, *given)
     found = kept.get(key)
     if isinstance(found, FollowedTracks):
@@ -191,7 +192,8 @@ class MeasureOptions:
 
     `scale_m_per_px` is a scale in the plane of motion with its standard uncertainty, m/px; with it
     the wall is not calibrated. `wanted` names the quantities to evaluate, with everything their
-    uncertainties and checks need; None: all. Of `every` n pictures one is read.
+    uncertainties and checks need; None: all. Of `every` n pictures one is read. `corrected` takes
+    the place of what is found in the clip.
     """
 
     setup: Setup = field(default_factory=Setup)
@@ -206,6 +208,7 @@ class MeasureOptions:
     cache: bool = False
     wanted: tuple[str, ...] | None = None
     every: int = 1
+    corrected: GivenObjects | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,6 +339,7 @@ def measure_clip(
             rate.fps,
             ball_at=options.ball_at,
             mass_at=options.mass_at,
+            given=options.corrected,
             progress=lambda part: report("following ball and pendulum", part),
         )
 

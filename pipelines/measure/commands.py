@@ -39,6 +39,7 @@ from pipelines.doors import (
     ClipsOrNoneArgument,
     ColumnsOption,
     CsvOption,
+    DetectionsOption,
     EveryOption,
     FpsOption,
     FromTracksOption,
@@ -54,6 +55,7 @@ from pipelines.doors import (
     ReportOption,
     ScaleOption,
     SetupOption,
+    TrackletsOption,
     TracksOption,
     refuse_clashes,
 )
@@ -298,6 +300,8 @@ def files_of(out: Path, clips: Sequence[Path], wanted: WantedFiles) -> dict[Path
             overlay=beside(wanted.overlay),
             plot=beside(wanted.plot),
             report=beside(wanted.report),
+            detections=beside(wanted.detections),
+            tracklets=beside(wanted.tracklets),
         )
     return placed
 
@@ -405,6 +409,8 @@ def measure_command(
     csv: CsvOption = None,
     json: JsonOption = None,
     tracks: TracksOption = None,
+    detections: DetectionsOption = None,
+    tracklets: TrackletsOption = None,
     overlay: OverlayOption = None,
     plot: PlotOption = None,
     report: ReportOption = None,
@@ -451,9 +457,9 @@ def measure_command(
         return
     if jobs is not None:
         raise UsageError("-j measures several clips into a folder", hint="Add --out DIR.")
-    if len(clips) > 1 and (tracks or overlay or plot or report or json):
+    if len(clips) > 1 and {*wanted.files()} - {"--csv"} | {*filter(None, [json])}:
         raise UsageError(
-            "--tracks, --overlay, --plot, --report and --json take one clip at a time",
+            "all files but --csv take one clip at a time",
             hint="For several clips use one --csv, or --out DIR for all files of each.",
         )
     _several(clips, options, wanted, tuple(QuantityName))
@@ -461,7 +467,8 @@ def measure_command(
 
 def _begin(given: Mapping[str, Any]) -> tuple[WantedFiles, MeasureOptions]:
     """Requested files and measuring options from a command's arguments by name."""
-    wanted = WantedFiles(**{one.name: given[one.name] for one in fields(WantedFiles)})
+    named = {one.name for one in fields(WantedFiles)}
+    wanted = WantedFiles(**{name: value for name, value in given.items() if name in named})
     wanted.require_kinds()
     how = ("setup", "fps", "ball", "wall_grid", "ball_at", "mass_at", "scale", "budget", "every")
     chosen = {name: given[name] for name in how}
@@ -565,8 +572,7 @@ def demo_command(
 
 
 def _asked(wanted: WantedFiles) -> list[str]:
-    files = (wanted.tracks, wanted.overlay, wanted.plot, wanted.report)
-    return ["" if path is None else path.name for path in files]
+    return [f"{option} {path.name}" for option, path in wanted.files().items()]
 
 
 def _into_folder(
@@ -625,7 +631,8 @@ def _from_tracks(
     wanted: WantedFiles,
     columns: str | None,
 ) -> None:
-    """Measure tracks of another program, with or without the clip."""
+    """Measure tracks of another program, with or without the clip, or a corrected table."""
+    from pipelines.interop.corrected import is_corrected, read_corrected
     from pipelines.interop.measured import measure_from_tracks, settled_columns
     from pipelines.interop.tables import parse_columns
 
@@ -633,6 +640,16 @@ def _from_tracks(
         raise UsageError("--from-tracks takes one clip", hint="Give the tracked clip, or none.")
     clip = clips[0] if clips else None
     wanted.require_clip(clip)
+    if is_corrected(path):
+        if clip is None or columns is not None:
+            raise UsageError(
+                f"{path} is a table of objects found in a clip: it needs the clip, no --columns",
+                hint=f"vision measure CLIP --from-tracks {path}",
+            )
+        corrected = replace(options, corrected=read_corrected(path))
+        _require_something(_one(clip, corrected, wanted, tuple(QuantityName)), clip)
+        return
+    wanted.require_following()
     setup = options.setup
     option_texts = settled_columns(path, {**setup.columns, **parse_columns(columns)}, setup.path)
     names = tuple(QuantityName)

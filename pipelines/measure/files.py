@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,11 @@ from pipelines.report import (
 from pipelines.report.inputs import quantity_label, quantity_text
 from vision.clip.clip import ClipReader
 from vision.overlay import OVERLAY_SUFFIXES, OverlayMarks, overlay_still, png_bytes
+from vision.stages import candidate_table, detection_table
 from vision.tracks import FollowedObject, Motion, Tracks
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = [
     "WantedFiles",
@@ -250,6 +254,14 @@ def results_table(measured: ClipMeasurement, names: Sequence[str] | None = None)
 
 _PLOT_SUFFIXES = (".png", ".svg")
 
+_SUFFIXES = {
+    "--overlay": OVERLAY_SUFFIXES,
+    "--plot": _PLOT_SUFFIXES,
+    "--detections": (".csv",),
+    "--tracklets": (".csv",),
+}
+"""File endings of the options that require one."""
+
 _PROJECT_SUFFIXES = (".trk", ".kva")
 """Of Tracker and Kinovea; other names get the track CSV."""
 
@@ -264,6 +276,8 @@ class WantedFiles:
     overlay: Path | None = None
     plot: Path | None = None
     report: Path | None = None
+    detections: Path | None = None
+    tracklets: Path | None = None
     quiet: bool = False
 
     def files(self) -> dict[str, Path]:
@@ -275,6 +289,8 @@ class WantedFiles:
             "--overlay": self.overlay,
             "--plot": self.plot,
             "--report": self.report,
+            "--detections": self.detections,
+            "--tracklets": self.tracklets,
         }
         return {option: path for option, path in named.items() if path is not None}
 
@@ -284,14 +300,14 @@ class WantedFiles:
         return not (self.overlay is None and self.plot is None and self.report is None)
 
     def require_kinds(self) -> None:
-        """Refuse an overlay or a plot with an unknown file ending.
+        """Refuse a picture or a table of objects with an unknown file ending.
 
         Raises
         ------
         UsageError
         """
         files = self.files()
-        for kinds, given in (("--overlay", OVERLAY_SUFFIXES), ("--plot", _PLOT_SUFFIXES)):
+        for kinds, given in _SUFFIXES.items():
             if kinds in files and files[kinds].suffix.lower() not in given:
                 raise UsageError(
                     f"{kinds} {files[kinds]}: unknown file ending",
@@ -309,6 +325,20 @@ class WantedFiles:
             raise UsageError(
                 "--overlay needs the clip, which is not given",
                 hint="vision measure CLIP --from-tracks FILE --overlay FILE.mp4",
+            )
+
+    def require_following(self) -> None:
+        """Refuse tables of objects found where no clip is followed.
+
+        Raises
+        ------
+        UsageError
+        """
+        if self.detections is not None or self.tracklets is not None:
+            raise UsageError(
+                "--detections and --tracklets list what is found in a clip; with tracks of another"
+                " program nothing is searched",
+                hint="Omit --from-tracks, or omit these files.",
             )
 
     def write(self, measured: ClipMeasurement, clip: Path | None, names: Sequence[str]) -> None:
@@ -329,6 +359,11 @@ class WantedFiles:
             write_text_whole(files["--json"], measurement_as_json(measured, names) + "\n")
         if self.tracks is not None:
             _write_tracks(self.tracks, measured, clip)
+        found = measured.tracks.found
+        if found is not None and self.detections is not None:
+            write_text_whole(self.detections, _as_csv(detection_table(found.seen)))
+        if found is not None and self.tracklets is not None:
+            write_text_whole(self.tracklets, _as_csv(candidate_table(found)))
         if self.overlay is not None and clip is not None:
             from vision.overlay import write_overlay
 
@@ -360,6 +395,11 @@ def _write_tracks(path: Path, measured: ClipMeasurement, clip: Path | None) -> N
     from pipelines.measure.measurement import tracks_as_csv
 
     write_text_whole(path, tracks_as_csv(measured))
+
+
+def _as_csv(table: "pd.DataFrame") -> str:
+    # six digits: 0.01 px in a 4K picture, finer than any detection
+    return table.to_csv(index=False, lineterminator="\n", float_format="%.6g")
 
 
 FloatArray = NDArray[np.float64]

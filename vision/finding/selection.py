@@ -6,16 +6,19 @@ fit on clips kept out.
 """
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib import resources
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.finding.detection import Detections
 from vision.finding.linking import Tracklet
+from vision.tracks import PlaceInClip
 
-__all__ = ["FEATURES", "Selection", "select", "tracklet_features"]
+__all__ = ["FEATURES", "FoundObjects", "Selection", "select", "tracklet_features"]
 
 FloatArray = NDArray[np.float64]
 
@@ -58,6 +61,54 @@ class Selection:
     def order(self) -> NDArray[np.int64]:
         """Tracklets, most probable first."""
         return np.argsort(-self.probability, kind="stable")
+
+
+@dataclass(frozen=True)
+class FoundObjects:
+    """Detections and tracklets of a clip, and which tracklet is measured.
+
+    Attributes
+    ----------
+    seen : Detections
+    tracklets : tuple of Tracklet
+    selection : Selection
+    chosen : int
+        The tracklet that is measured.
+    pointed : bool
+        Whether the user pointed at it.
+    """
+
+    seen: Detections
+    tracklets: tuple[Tracklet, ...]
+    selection: Selection
+    chosen: int
+    pointed: bool
+
+    @property
+    def ball(self) -> Tracklet:
+        """The tracklet that is measured."""
+        return self.tracklets[self.chosen]
+
+    @property
+    def rivals(self) -> list[Tracklet]:
+        """The others, most probable first."""
+        order = [place for place in self.selection.order.tolist() if place != self.chosen]
+        return [self.tracklets[place] for place in order]
+
+    @property
+    def probability(self) -> float:
+        """That it is the measured object."""
+        return 1.0 if self.pointed else float(self.selection.probability[self.chosen])
+
+    def in_clip(self, place: PlaceInClip) -> Self:
+        """The same with the clip's frame numbers."""
+        seen, *own = (
+            replace(one, frame=place.frame(one.frame))
+            for one in (self.seen, *(tracklet.seen for tracklet in self.tracklets))
+        )
+        pairs = zip(self.tracklets, own, strict=True)
+        tracklets = tuple(replace(one, seen=rows) for one, rows in pairs)
+        return replace(self, seen=seen, tracklets=tracklets)
 
 
 @cache
