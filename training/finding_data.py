@@ -151,4 +151,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    # the class in the files is that of the module, not of a script
+    from training.finding_data import main as run
+
+    run()

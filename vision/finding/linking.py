@@ -4,8 +4,10 @@ A chain of detections is worth what its places and looks are more probable under
 under false detections spread evenly over the picture. An object goes on at its velocity
 up to a Student-t distributed change (gravity, contacts and bounces are its tail), keeps its radius
 and colour up to theirs, and is missed in some frames. The best chains are found by dynamic
-programming over pairs of detections, so that each state has a velocity. The parameters are fitted
-by maximum likelihood to clips with truth by `training/fit_finding.py`.
+programming over pairs of detections, so that each state has a velocity. `training/fit_finding.py`
+estimates the parameters by maximum likelihood from recordings with truth. parameters.json holds
+these estimates with 95 % intervals next to the values in use, whose tracklets cover more of the
+objects: errors of neighbouring frames are alike, which the likelihood leaves out.
 """
 
 import json
@@ -79,7 +81,7 @@ class LinkParameters:
 
 @cache
 def link_parameters() -> LinkParameters:
-    """The fitted parameters."""
+    """The parameters in use."""
     text = resources.files("vision.finding").joinpath("parameters.json").read_text("utf-8")
     values = json.loads(text)["linking"]
     looks = tuple(values.pop("looks")["value"])
@@ -154,7 +156,7 @@ def link(
     shape : (2,) tuple of int
         Height and width of the picture, px.
     parameters : LinkParameters, optional
-        Of the likelihood; the fitted ones without.
+        Of the likelihood; those in use without.
 
     Returns
     -------
