@@ -69,7 +69,13 @@ def values() -> dict[str, Callable[[], str]]:
             _add(known, f"lessons.{lesson}.{name}", entry)
     known |= _evidence(read_results("evidence.json"))
     known["cost.table"] = lambda: _cost_table(read_results("cost.json"))
-    known["acceptance.worlds"] = lambda: _acceptance_table(read_results("acceptance.json"))
+    names = read_results("acceptance.json")
+    worlds = {**names["worlds"], "all": names["all"]}
+    known["acceptance.worlds"] = lambda: _acceptance_table(worlds, ("world", "names"))
+    stated = read_results("reliability.json")
+    known["reliability.table"] = lambda: _acceptance_table(stated, ("probability of", "recordings"))
+    known["ablation.steps"] = lambda: _steps_table(read_results("ablation.json"))
+    known["ablation.table"] = lambda: _ablation_table(read_results("ablation.json"))
     return known
 
 
@@ -81,7 +87,7 @@ def _cost_table(found: Record) -> str:
     return _table(("campaign", "processor time", "memory", "named (probability)"), rows)
 
 
-def _acceptance_table(found: Record) -> str:
+def _acceptance_table(found: Record, head: tuple[str, str]) -> str:
     rows = [
         (
             name,
@@ -90,9 +96,40 @@ def _acceptance_table(found: Record) -> str:
             f"{one['brier']:.3f}",
             f"{one['sure_right']} of {one['sure']}",
         )
-        for name, one in [*found["worlds"].items(), ("all", found["all"])]
+        for name, one in found.items()
     ]
-    return _table(("world", "names", "right", "Brier score", "right of 0.9 or more"), rows)
+    return _table((*head, "right", "Brier score", "right of 0.9 or more"), rows)
+
+
+def _steps_table(found: Record) -> str:
+    """Laboratories that change without each step of following."""
+    rows = [
+        (
+            name,
+            f"{one['acts_in']} of {found['labs']}",
+            ", ".join(one["worse_without"]) or "–",
+            ", ".join(one["better_without"]) or "–",
+        )
+        for name, one in found["following"].items()
+    ]
+    return _table(("step of following", "acts in", "wrong without", "right without"), rows)
+
+
+def _ablation_table(found: Record) -> str:
+    """Choices without each feature of the selection and each step of linking."""
+    parts = {"everything": found["whole"]}
+    parts |= {f"without {name}": one for name, one in found["features"].items()}
+    parts |= {f"without {name}": one for name, one in found["linking"].items()}
+    rows = [
+        (
+            name,
+            f"{one['right']} of {found['recordings']}",
+            f"{one['wrong_sure']} of {one['sure']}",
+            f"{one['log_loss']:.3f}",
+        )
+        for name, one in parts.items()
+    ]
+    return _table(("finding with", "right object", "wrong of 0.9 or more", "log loss"), rows)
 
 
 def _evidence(found: Record) -> dict[str, Callable[[], str]]:

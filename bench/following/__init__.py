@@ -1,0 +1,1 @@
+"""Judge the parts of following one by one."""
