@@ -7,6 +7,7 @@ asked once.
 
 import csv
 import io
+import math
 import pickletools
 import re
 import sys
@@ -22,7 +23,7 @@ import tomli_w
 from numpy.typing import NDArray
 
 from metrology import Defaults, UsageError, parse_quantity, write_text_whole
-from pipelines.checker.fall import units_by_fall
+from pipelines.checker.fall import TableUnits, units_by_fall
 from pipelines.interop.external import (
     ExternalTrack,
     ExternalTracks,
@@ -606,33 +607,81 @@ def _spreadsheet(table: pd.DataFrame, path: Path, said: Mapping[str, str]) -> Ex
         if "object" in use.columns:
             parts = [(str(one), rows) for one, rows in table.groupby(use.columns["object"])]
         marks += [_marks(one or path.stem, rows, use, said) for one, rows in parts]
-    notes = list(dict.fromkeys(one.note for one in marks if one.note))
-    metre, second = uses[0][1].metre, uses[0][1].second
-    if (
-        metre is None
-        and "unit" not in said
-        and all(unit_of(use.columns["x"]) is None for _, use in uses)
-    ):
-        times = ("s",) if _states_seconds(uses[0][1], said) else ("s", "ms")
-        found = units_by_fall([one.for_units() for one in marks if one.time is not None], times)
-        if found is not None:
-            metre, second = parse_quantity(f"1 {found.length}", "m"), second * _TIMES_S[found.time]
-            notes.append(found.note(path.name))
-        else:
-            _refuse_exchanged(path, uses[0][1], marks, times)
-    factor = second / uses[0][1].second
+    units = _units(path, uses, marks, said)
+    notes = [note for one in marks for note in one.unread()]
+    notes += list(dict.fromkeys(one.note for one in marks if one.note)) + list(units.notes)
     tracks = []
     for one in marks:
-        place = one.place if metre is None else _table_plane().pixels(one.place * metre)
-        time = None if one.time is None else one.time * factor
-        notes += one.unread()
+        place = one.place * units.signs
+        if units.metre is not None:
+            place = _table_plane().pixels(place * units.metre)
+        time = None if one.time is None else one.time * units.second
         tracks.append(_track(one.name, place, one.frame, time))
-    plane = None if metre is None else _table_plane()
+    plane = None if units.metre is None else _table_plane()
     return _found(path, Program.TABLE, tracks, plane, notes)
 
 
+@dataclass(frozen=True)
+class _TableScale:
+    """Units of a table by its heads, or by its fall.
+
+    Attributes
+    ----------
+    metre : float or None
+        Metres per unit; None for pixels.
+    second : float
+        Factor of the times.
+    signs : tuple of float
+        Of x and y.
+    notes : tuple of str
+    """
+
+    metre: float | None
+    second: float = 1.0
+    signs: tuple[float, float] = (1.0, 1.0)
+    notes: tuple[str, ...] = ()
+
+
+def _units(
+    path: Path,
+    uses: Sequence[tuple[str, ColumnUse]],
+    marks: Sequence["_Marks"],
+    said: Mapping[str, str],
+) -> _TableScale:
+    """Units of a table; refuse those that its fall contradicts.
+
+    Raises
+    ------
+    UsageError
+        If the flight falls along x, or with gravity in another unit only.
+    """
+    use = uses[0][1]
+    seen = [one.for_units() for one in marks if one.time is not None]
+    times = ("s",) if _states_seconds(use, said) else ("s", "ms")
+    if use.metre is None:
+        bare = "unit" not in said and all(unit_of(one.columns["x"]) is None for _, one in uses)
+        found = units_by_fall(seen, times) if bare else None
+        if found is not None:
+            metre = parse_quantity(f"1 {found.length}", "m")
+            return _TableScale(metre, _TIMES_S[found.time], notes=(found.note(path.name),))
+        if bare:
+            _refuse_exchanged(path, use, seen, times)
+        return _TableScale(None)
+    fallen = units_by_fall(seen, ("s", "ms"))
+    if fallen is None:
+        turned = units_by_fall([(time, place * [1.0, -1.0]) for time, place in seen])
+        if turned is not None and parse_quantity(f"1 {turned.length}", "m") == use.metre:
+            return _TableScale(use.metre, signs=(1.0, -1.0), notes=(_TURNED.format(path.name),))
+    elif "unit" not in said:
+        _refuse_units(path, use, fallen)
+    return _TableScale(use.metre)
+
+
 def _refuse_exchanged(
-    path: Path, use: ColumnUse, marks: Sequence["_Marks"], times: Sequence[str]
+    path: Path,
+    use: ColumnUse,
+    seen: Sequence[tuple[FloatArray, FloatArray]],
+    times: Sequence[str],
 ) -> None:
     """Refuse a table whose flight falls along x.
 
@@ -640,13 +689,44 @@ def _refuse_exchanged(
     ------
     UsageError
     """
-    turned = [one.for_units() for one in marks if one.time is not None]
-    if units_by_fall([(time, place[:, ::-1]) for time, place in turned], times) is not None:
+    if units_by_fall([(time, place[:, ::-1]) for time, place in seen], times) is not None:
         x, y = use.columns["x"], use.columns["y"]
         raise UsageError(
             f"{path}: x and y are exchanged: the flight falls along the column {x!r}, not {y!r}",
             hint=f'Pass --columns "x={y}, y={x}".',
         )
+
+
+_TURNED = "{}: the flight falls to larger y: y is taken as pointing down and turned over."
+
+
+def _refuse_units(path: Path, use: ColumnUse, fallen: TableUnits) -> None:
+    """Refuse units in the heads with which the flight does not fall with gravity.
+
+    Raises
+    ------
+    UsageError
+    """
+    assert use.metre is not None
+    wrong, cure = [], []
+    if use.metre != parse_quantity(f"1 {fallen.length}", "m"):
+        wrong.append(f"{use.columns['x']!r} is in {fallen.length}")
+        cure.append(f"unit={fallen.length}")
+    if fallen.time != "s":
+        wrong.append(f"{use.columns['t']!r} is in {fallen.time}")
+        cure.append(f"t_unit={fallen.time}")
+    if not wrong:
+        return
+    metres = fallen.acceleration * use.metre
+    slower = math.sqrt(Defaults.GRAVITY.known / metres)
+    unit = unit_of(use.columns["x"]) or "m"
+    raise UsageError(
+        f"{path}: the unit in the head does not fit: the flight falls with {metres:.3g} m/s²;"
+        f" {' and '.join(wrong)}",
+        hint=f'Pass --columns "{", ".join(cure)}". If the head is right and the times are those of'
+        f" a playback {slower:.3g} times slower: --columns unit={unit} and --fps with the camera's"
+        " rate.",
+    )
 
 
 _TIMES_S = {"s": 1.0, "ms": 1e-3}
@@ -670,22 +750,27 @@ class _Marks:
         return time, self.place[rows][first]
 
     def unread(self) -> list[str]:
-        """What happens to rows that give no mark."""
+        """What happens to rows that give no mark, or are out of order."""
         key = self.time if self.frame is None else self.frame
         assert key is not None
         whole = np.isfinite(self.place).all(axis=1) & np.isfinite(key)
-        lacking, again = int((~whole).sum()), int(whole.sum() - len(np.unique(key[whole])))
+        count, again = len(whole), int(whole.sum() - len(np.unique(key[whole])))
         said = []
-        if lacking:
+        if not whole.all():
             said.append(
-                f"{self.name}: {lacking} of {len(whole)} rows have no position or time and are"
-                " skipped."
+                f"{self.name}: {int((~whole).sum())} of {count} rows have no position or time"
+                f" (the first is row {int(np.argmin(whole)) + 1} below the head) and are skipped."
             )
+        stamp = "time" if self.frame is None else "frame"
         if again:
-            stamp = "time" if self.frame is None else "frame"
             said.append(
-                f"{self.name}: {again} of {len(whole)} rows repeat the {stamp} of an earlier row"
+                f"{self.name}: {again} of {count} rows repeat the {stamp} of an earlier row"
                 " and are skipped."
+            )
+        if (back := int(np.sum(np.diff(key[whole]) < 0.0))) > 0:
+            said.append(
+                f"{self.name}: the {stamp}s run backwards in {back} of {count} rows; the rows are"
+                f" put in order of {stamp}."
             )
         return said
 

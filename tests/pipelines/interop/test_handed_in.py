@@ -221,3 +221,55 @@ def test_a_few_rows_are_no_motion(tmp_path: Path) -> None:
     table.write_text(thrown_table("t,x,y", "txy", rows=3))
     with pytest.raises(MeasurementError, match="only 3 rows"):
         measure_from_tracks(table, measure_options(ball="220 mm"))
+
+
+@pytest.mark.parametrize(
+    ("head", "cause", "cure"),
+    [
+        ("t (s),x (cm),y (cm)", r"'x \(cm\)' is in m", "unit=m"),
+        ("t (ms),x (m),y (m)", "", ""),
+        ("t (s),x (mm),y (mm)", r"'x \(mm\)' is in m", "unit=m"),
+    ],
+)
+def test_a_unit_in_the_head_that_no_fall_has(
+    head: str, cause: str, cure: str, tmp_path: Path
+) -> None:
+    table = tmp_path / "t.csv"
+    table.write_text(thrown_table(head, "txy"))
+    if not cause:
+        # gravity in m/ms² fits no unit
+        assert read_tracks(table).notes == ()
+        return
+    with pytest.raises(UsageError, match=cause) as refusal:
+        read_tracks(table)
+    assert f'--columns "{cure}"' in str(refusal.value)
+    assert read_tracks(table, parse_columns(cure)).plane is not None
+
+
+def test_milliseconds_under_a_head_of_seconds(tmp_path: Path) -> None:
+    table = tmp_path / "t.csv"
+    rows = [row.split(",") for row in thrown_table("t,x,y", "txy").splitlines()[1:]]
+    lines = ["t (s),x (m),y (m)", *(f"{1e3 * float(t):.6g},{x},{y}" for t, x, y in rows)]
+    table.write_text("\n".join(lines))
+    with pytest.raises(UsageError, match=r"'t \(s\)' is in ms"):
+        read_tracks(table)
+    assert read_tracks(table, parse_columns("t_unit=ms")).fps == pytest.approx(240.0, rel=1e-3)
+
+
+def test_metres_that_point_down_are_turned_over(tmp_path: Path) -> None:
+    table = tmp_path / "t.csv"
+    rows = [row.split(",") for row in thrown_table("t,x,y", "txy").splitlines()[1:]]
+    lines = ["t (s),x (m),y (m)", *(f"{t},{x},{-float(y)}" for t, x, y in rows)]
+    table.write_text("\n".join(lines))
+    found = measure_from_tracks(table, measure_options(ball="220 mm"))
+    assert "turned over" in " ".join(found.warnings)
+    assert found.quantity("flight_angle").value == pytest.approx(51.1, abs=1.5)
+
+
+def test_rows_out_of_order_are_put_in_order_and_told(tmp_path: Path) -> None:
+    table = tmp_path / "t.csv"
+    head, *rows = thrown_table("t,x,y", "txy").splitlines()
+    table.write_text("\n".join([head, *reversed(rows)]))
+    found = read_tracks(table)
+    assert "run backwards in 119 of 120 rows" in found.notes[0]
+    assert np.all(np.diff(found.tracks[0].time_s) > 0.0)

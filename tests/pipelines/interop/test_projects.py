@@ -309,7 +309,7 @@ def test_without_a_clip_nobody_is_asked_to_light_its_wall(tmp_path) -> None:
     assert "Light" not in told
 
 
-def test_a_table_whose_y_points_down_is_asked_about(tmp_path) -> None:
+def test_a_table_whose_y_points_down_is_turned_over(tmp_path) -> None:
     time = np.arange(60) / 240.0
     x, y = 2.0 * time, 1.0 - 1.2 * time + 4.903 * time**2
     path = tmp_path / "a.csv"
@@ -318,5 +318,5 @@ def test_a_table_whose_y_points_down_is_asked_about(tmp_path) -> None:
     from pipelines.api.quantities import measure_options
 
     told = " ".join(measure_from_tracks(path, measure_options(fps="240")).warnings)
-    assert "does y point down in this table" in told
+    assert "y is taken as pointing down and turned over" in told
     assert "check --fps" not in told
