@@ -20,6 +20,7 @@ from pipelines.api.quantities import measure_options, setup_from
 from pipelines.campaign.analysis import BallAnalysis, CampaignAnalysis, analyse
 from pipelines.campaign.files import clip_key, refuse_occupied, staged, sweep
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State, lock_folder
+from pipelines.campaign.rate import MAX_PILOTS, common_rate, kept_rate
 from pipelines.campaign.report import ReportFacts, draw_figures, write_figures, write_report
 from pipelines.campaign.results import (
     ClipResult,
@@ -410,14 +411,54 @@ def conduct(
         )
         strikes = {clip_key(clip): strike for clip, strike in matched.strikes.items()}
         edition = Edition(asked.out, book, strikes, setup, asked.ball, facts, asked.against_paper)
-        progress = run(
+        progress = _run(asked, plan, setup, _publishing(edition, on_clip))
+        return _published(edition, absent, progress, asked.explain, asked.only)
+
+
+def _run(
+    asked: CampaignOptions,
+    plan: RunPlan,
+    setup: Setup,
+    after_each: Callable[[Progress, AttemptOutcome], None],
+) -> Progress:
+    """Measure the remaining clips; where no rate is given, some first, to estimate it from all."""
+
+    def measured(plan: RunPlan) -> Progress:
+        return run(
             plan,
-            lambda: _crew(asked, options),
+            lambda: _crew(asked, plan.options),
             retry_failed=asked.retry_failed,
             only=asked.only,
-            after_each=_publishing(edition, on_clip),
+            after_each=after_each,
         )
-        return _published(edition, absent, progress, asked.explain, asked.only)
+
+    if asked.fps is not None or setup.camera.capture_fps is not None:
+        return measured(plan)
+    joint, first, pilots = kept_rate(plan.folder), Progress(), []
+    if joint is None:
+        strikes = plan.matched.strikes
+        pilots = [clip for clip in strikes if not asked.only or clip_key(clip) in asked.only]
+        pilots = pilots[:: -(-len(pilots) // MAX_PILOTS) or 1]
+        few = replace(plan.matched, strikes={clip: strikes[clip] for clip in pilots})
+        first = measured(replace(plan, matched=few))
+        if first.stopped is not None:
+            return first
+        with Ledger(plan.folder) as ledger:
+            joint = common_rate(ledger.entries())
+        if joint is not None:
+            joint.keep(plan.folder)
+    if joint is None:
+        others = {clip: row for clip, row in plan.matched.strikes.items() if clip not in pilots}
+        plan = replace(plan, matched=replace(plan.matched, strikes=others))
+    else:
+        rate = (joint.fps, joint.std, joint.notice())
+        plan = replace(plan, options=replace(plan.options, joint_rate=rate))
+    rest = measured(plan)
+    for clip in pilots:
+        # measured again for the common rate alone
+        rest.again.pop(clip_key(clip), None)
+    rest.again.update(first.again)
+    return rest
 
 
 def _setup_file(asked: CampaignOptions) -> Path | None:

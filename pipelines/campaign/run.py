@@ -51,6 +51,8 @@ class RunOptions:
         As typed; the lab book's ball overrides `ball`.
     timeout_s : float
         Time limit per clip, s.
+    joint_rate : tuple or None
+        As of `Request`.
     memory_bytes : int
         Memory limit per worker.
     command : tuple of str or None
@@ -62,6 +64,7 @@ class RunOptions:
     ball: str | None = None
     wall_grid: str | None = None
     timeout_s: float = 900.0
+    joint_rate: tuple[float, float, str] | None = None
     memory_bytes: int = 4 * 2**30
     command: tuple[str, ...] | None = None
 
@@ -100,6 +103,7 @@ class RunPlan:
             ball=_ball(options, strike),
             wall_grid=options.wall_grid,
             ball_at=ball_at,
+            joint_rate=options.joint_rate,
             tracks=os.path.join(_resolved(self.folder), "tracks", f"{clip_key(clip)}.csv"),
             picture=os.path.join(_resolved(self.folder), "frames", f"{clip_key(clip)}.jpg"),
         )
@@ -120,6 +124,8 @@ def _digest(options: RunOptions, strike: LabBookRow | None, ball_at: str | None)
     parts: tuple[str | None, ...] = (options.fps, _ball(options, strike), options.wall_grid)
     if ball_at is not None:
         parts = (*parts, ball_at)
+    if options.joint_rate is not None:
+        parts = (*parts, repr(options.joint_rate))
     return hashlib.sha256(setup + repr(parts).encode()).hexdigest()
 
 

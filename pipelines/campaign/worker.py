@@ -14,7 +14,7 @@ import threading
 import time
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +37,8 @@ class Request:
         Path of the setup file.
     fps, ball, wall_grid, ball_at : str or None
         As the options of `vision measure` are typed.
+    joint_rate : tuple or None
+        Rate of clips that state none, 1/s, with its std and its notice.
     tracks, picture : str or None
         Output files for the tracks (CSV) and an overlay frame (JPEG).
     """
@@ -47,6 +49,7 @@ class Request:
     ball: str | None = None
     wall_grid: str | None = None
     ball_at: str | None = None
+    joint_rate: tuple[float, float, str] | None = None
     tracks: str | None = None
     picture: str | None = None
 
@@ -208,11 +211,16 @@ def _measured(request: Request) -> dict[str, Any]:
     from pipelines.measure.files import measurement_as_dict, overlay_marks
     from pipelines.measure.measurement import tracks_as_csv
     from vision.clip.clip import ClipReader
+    from vision.clip.footage import CaptureRate, RateSource
     from vision.overlay import overlay_still
 
     options = measure_options(
         request.setup, request.fps, request.ball, request.wall_grid, request.ball_at
     )
+    if request.joint_rate is not None:
+        fps, std, notice = request.joint_rate
+        joint = CaptureRate(fps, std, RateSource.ASSUMED, notice)
+        options = replace(options, joint_rate=joint)
     measured = measure_clip(Path(request.path), options, lambda step, part: None)
     document = measurement_as_dict(measured)
     if request.tracks is not None:

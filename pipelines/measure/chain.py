@@ -191,9 +191,9 @@ class MeasureOptions:
     """Options of one measurement.
 
     `scale_m_per_px` is a scale in the plane of motion with its standard uncertainty, m/px; with it
-    the wall is not calibrated. `wanted` names the quantities to evaluate, with everything their
-    uncertainties and checks need; None: all. Of `every` n pictures one is read. `corrected` takes
-    the place of what is found in the clip.
+    the wall is not calibrated. `joint_rate` is used where no rate is given. `wanted` names the
+    quantities to evaluate, with everything their uncertainties and checks need; None: all. Of
+    `every` n pictures one is read. `corrected` takes the place of what is found in the clip.
     """
 
     setup: Setup = field(default_factory=Setup)
@@ -205,6 +205,7 @@ class MeasureOptions:
     mass_at: Point | None = None
     budget: Propagation = Propagation.RESPONSE
     scale_m_per_px: tuple[float, float] | None = None
+    joint_rate: CaptureRate | None = None
     cache: bool = False
     wanted: tuple[str, ...] | None = None
     every: int = 1
@@ -344,6 +345,8 @@ def measure_clip(
         )
 
     seen = tracked_once(clip, rate.fps, options, follow_it)
+    if not rate.known and options.joint_rate is not None:
+        rate = options.joint_rate
     followed = FollowedClip(seen.tracks, seen.clock, rate, inputs, options.scale_m_per_px)
     fitted = fitted_once(clip, options, lambda: fit_tracks(followed, report))
     found = quantities_of(fitted, report, options.budget, options.wanted)
