@@ -76,6 +76,8 @@ def outcome_of(mistake: Mistake) -> Outcome:
         finally:
             os.chdir(before)
     command = shlex.join(["vision", *mistake.words]).replace("'{clip}'", "strike.mkv")
+    for place in (str(CLIP.parent), str(folder)):
+        message = message.replace(f"{place}/", "")
     return Outcome(mistake, command.replace("'{lab}'", "lab.toml"), message, named, cured)
 
 
