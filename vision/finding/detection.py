@@ -506,8 +506,9 @@ _MIN_COVERAGE = 0.45
 """Part of the outline with an edge. Measured: a ball half hidden by a mass keeps half of it."""
 
 
-def _radii(height: int, small: bool) -> FloatArray:
-    low, high = (1.7, _SMALL_RADIUS_PX) if small else (2.3, max(0.42 * height, 2.3))
+def _radii(side: int, small: bool) -> FloatArray:
+    """Radii tried, up to what fits the shorter side of a reduced picture."""
+    low, high = (1.7, _SMALL_RADIUS_PX) if small else (2.3, max(0.42 * side, 2.3))
     steps = int(np.ceil(np.log(high / low) / np.log(_RADIUS_STEP)))
     return np.asarray(np.geomspace(low, high, steps + 1))
 
@@ -598,7 +599,7 @@ def _detected(scene: "FilmedScene", wanted: IntArray, width: int, *, small: bool
     pictures = np.stack(list(reduced(scene, wanted, width)))
     scale = scene.shape[1] / pictures.shape[2]
     known = backgrounds_of(pictures, scale)
-    radii = _radii(pictures.shape[1], small)
+    radii = _radii(min(pictures.shape[1:3]), small)
     rows = []
     for frame, picture in zip(wanted.tolist(), pictures, strict=True):
         smooth = _smoothed(picture.astype(np.float32))

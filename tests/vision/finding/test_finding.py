@@ -61,6 +61,17 @@ def test_a_ball_at_rest_for_most_of_the_clip_is_detected_there_too() -> None:
     assert near[:55].mean() > 0.95
 
 
+def test_in_a_tall_picture_nothing_larger_than_its_width_is_detected() -> None:
+    fall = np.column_stack([np.full(50, 30.0), 20.0 + 0.16 * np.arange(50.0) ** 2])
+    pictures = [
+        exposed(with_ball(wall(440, 60), (float(x), float(y)), 8.0, 0.5), 1.5, index)
+        for index, (x, y) in enumerate(fall)
+    ]
+    seen = detect(_scene(PaintedClip(pictures)))
+    assert (_nearest(seen, fall) < 2.0).mean() > 0.95
+    assert seen.radius_px.max() < 30.0
+
+
 def test_nothing_is_detected_in_noise() -> None:
     pictures = [exposed(wall(HEIGHT, WIDTH), 2.0, index) for index in range(30)]
     assert len(detect(_scene(PaintedClip(pictures)))) < 3
