@@ -33,6 +33,11 @@ _MIN_AGREEING_FRACTION = 0.9
 _MOVING_SIGMAS = 6.0
 """Standard deviations of a moving pixel (derived: no false one among a million pixels)."""
 
+_CHANGED_SIGMAS = 3.0
+"""Standard deviations of a pixel that changed (convention). Where a slow object barely moves more
+than the noise, a codec's pictures differ more in every second step, and the others are no
+repeats."""
+
 _MIN_MOVING_PIXELS = 20
 """Moving pixels of a step; fewer are noise (chosen)."""
 
@@ -95,37 +100,39 @@ class RepeatDetector:
 
     def verdict(self) -> Repeats:
         """The smallest number of repeats with which the steps agree."""
-        energy = self._energy()
+        moving, changed = self._energy() > 0.0, self._energy(_CHANGED_SIGMAS, 1)
         for times in range(2, _MAX_TIMES + 1):
             for phase in range(times):
-                if _agrees(energy, times, phase):
+                if _agrees(moving, changed, times, phase):
                     # Step k lies between pictures k and k + 1; a step ends a group.
                     return Repeats(times, (phase + 1) % times)
         return Repeats()
 
-    def _energy(self) -> NDArray[np.float64]:
-        """Squared change of each step in its moving pixels; 0 where nothing moves."""
+    def _energy(
+        self, sigmas: float = _MOVING_SIGMAS, least: int = _MIN_MOVING_PIXELS
+    ) -> NDArray[np.float64]:
+        """Squared change of each step in its pixels beyond the noise; 0 where they are too few."""
         if not self._changes:
             return np.zeros(0)
         # Copies share their noise: the steps between different pictures show it.
-        limit = _MOVING_SIGMAS * float(np.quantile(self._noise, 0.9))
-        moving = [change[change > limit] for change in self._changes]
+        limit = sigmas * float(np.quantile(self._noise, 0.9))
+        beyond = [change[change > limit] for change in self._changes]
         return np.array(
             [
-                float(np.sum(change**2, dtype=np.float64))
-                if len(change) >= _MIN_MOVING_PIXELS
-                else 0.0
-                for change in moving
+                float(np.sum(change**2, dtype=np.float64)) if len(change) >= least else 0.0
+                for change in beyond
             ]
         )
 
 
-def _agrees(energy: NDArray[np.float64], times: int, phase: int) -> bool:
-    """Whether objects move in steps `phase`, `phase + times`, … and only there."""
-    begins = np.arange(phase, len(energy) - times, times)
-    moved = begins[(energy[begins] > 0.0) & (energy[begins + times] > 0.0)]
-    between = energy[moved[:, np.newaxis] + np.arange(1, times)].max(axis=1, initial=0.0)
-    still = between < _MAX_REPEAT_CHANGE * np.minimum(energy[moved], energy[moved + times])
+def _agrees(
+    moving: NDArray[np.bool_], changed: NDArray[np.float64], times: int, phase: int
+) -> bool:
+    """Whether objects move in steps `phase`, `phase + times`, … and hardly change between."""
+    begins = np.arange(phase, len(changed) - times, times)
+    moved = begins[moving[begins] & moving[begins + times]]
+    between = changed[moved[:, np.newaxis] + np.arange(1, times)].max(axis=1, initial=0.0)
+    still = between < _MAX_REPEAT_CHANGE * np.minimum(changed[moved], changed[moved + times])
     return len(moved) >= _MIN_STEPS and int(still.sum()) >= _MIN_AGREEING_FRACTION * len(moved)
 
 

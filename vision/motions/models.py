@@ -307,7 +307,8 @@ def _angle(values: FloatArray, time: FloatArray, span: float) -> tuple[FloatArra
     rate = 1.0 / quarter
     steps = np.diff(time, prepend=time[0])
     turned = np.cumsum(steps * 0.5 * (rate + np.concatenate([rate[:1], rate[:-1]])))
-    turned *= math.exp(frequency) * time[-1] / max(float(turned[-1]), 1e-12)
+    # beyond two frames a period no track shows it
+    turned *= math.exp(min(frequency, math.log(math.pi))) * time[-1] / max(float(turned[-1]), 1e-12)
     at = phase + turned
     sine = scipy.special.ellipj(2.0 * quarter * at / math.pi, modulus)[0]
     return 2.0 * np.arcsin(np.clip(np.sin(0.5 * size) * sine, -1.0, 1.0)), at

@@ -7,6 +7,7 @@ import pytest
 from tests.vision.clip.written_clips import moving_disc, scene, woven, write_clip
 from vision.clip.clip import ClipReader
 from vision.clip.footage import choose_capture_rate
+from vision.clip.repeats import RepeatDetector
 from vision.following import follow
 
 
@@ -119,6 +120,18 @@ def test_ordinary_clips_keep_all_pictures(tmp_path, speed, crf):
     assert (clip.info.times_shown, clip.info.weave) == (1, "progressive")
     assert clip.info.frames == count
     assert clip.warnings == ()
+
+
+def test_noise_that_a_codec_renews_in_every_second_picture_makes_no_repeats():
+    rng, detector = np.random.default_rng(4), RepeatDetector()
+    row, column = np.mgrid[:140, :240]
+    for index in range(100):
+        if index % 2 == 0:
+            noise = rng.normal(0.0, 5.0, row.shape)
+        away = np.hypot(column - 40.0 - 1.8 * index, row - 70.0)
+        ball = 40.0 * np.clip(35.5 - away, 0.0, 1.0)
+        detector.show(np.clip(90.0 + ball + noise, 0.0, 255.0))
+    assert detector.verdict().times == 1
 
 
 def test_a_still_clip_has_no_repeats(tmp_path):

@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 from tests.shared_data import shared_folder
 from vision.motions import EventKind, Model, Observations, interpret
+from vision.motions.models import _angle
 from vision.tracks import MotionKind
 
 
@@ -277,3 +278,9 @@ def test_truth_of_recordings_has_its_kind(clip, kinds):
     )
     track = Observations.of(table[:, 0], table[:, 1:3], table[:, 3], float(np.median(table[:, 4])))
     assert interpret(track).kind.value in kinds
+
+
+def test_a_frequency_beyond_two_frames_a_period_is_no_error() -> None:
+    time = np.arange(40.0)
+    angle, _ = _angle(np.array([800.0, 0.0, -1.0, 0.5]), time, 39.0)
+    assert np.isfinite(angle).all()
