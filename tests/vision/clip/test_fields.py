@@ -73,8 +73,8 @@ def test_a_woven_drop_of_half_a_second_is_followed_field_by_field(tmp_path, bott
     assert clip.info.weave == ("bottom_first" if bottom_first else "top_first")
     ball = follow(clip, 60.0).ball
     assert len(ball) >= 22
-    # on the place of the neighbouring field a ball at the end would lie 14 px off; lines of half the
-    # height, coded anew, leave its outline up to a pixel
+    # on the place of the neighbouring field a ball at the end would lie 14 px off; half the height,
+    # coded anew, leaves its outline up to a pixel
     assert np.hypot(*(ball.centre_px - places[ball.frame]).T).max() < 2.0
 
 
