@@ -68,7 +68,7 @@ def outcome_of(mistake: Mistake) -> Outcome:
                 (folder / name).write_text(text, encoding="utf-8")
             words = [word.format(clip=CLIP, lab=LAB) for word in mistake.words]
             ran = CliRunner().invoke(app, words)
-            message = message_of(ran.stderr + ran.stdout, ran.exit_code)
+            message = message_of(ran.stderr, ran.exit_code)
             named = re.search(mistake.cause, message, re.IGNORECASE) is not None
             cured = mistake.option == "" and mistake.line == ("", "", "")
             if not cured:
