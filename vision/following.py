@@ -15,7 +15,7 @@ from vision.ball.path import BallPath
 from vision.ball.refine import refine_ball
 from vision.clip.footage import Footage
 from vision.finding.detection import detect, searched_frames, with_small
-from vision.finding.linking import Tracklet, link
+from vision.finding.linking import MIN_FOUND_ROWS, Tracklet, link
 from vision.finding.selection import FoundObjects, select
 from vision.lost import LostFrames, lost_frames
 from vision.motions.motion import interpret_tracks
@@ -43,9 +43,6 @@ __all__ = ["follow"]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Point = tuple[float, float] | tuple[float, float, int]
-
-_MIN_ROWS = 3
-"""Frames in which a ball is found at least. Derived: fewer determine no motion."""
 
 _MAX_BREAKS = 3
 """Times that a clip is followed anew where it lacks frames, the last for one side of them alone."""
@@ -226,7 +223,7 @@ def _distance(tracklet: Tracklet, at: tuple[float, float, int | None]) -> float:
         return float(away.min())
     near = np.abs(tracklet.frame - frame)
     nearest = near == near.min()
-    return float(away[nearest].min()) if near.min() <= _MIN_ROWS else np.inf
+    return float(away[nearest].min()) if near.min() <= MIN_FOUND_ROWS else np.inf
 
 
 def _path_of(tracklet: Tracklet) -> BallPath:
@@ -279,11 +276,11 @@ def _uncover(scene: FilmedScene, path: BallPath) -> None:
     radius = path.radius
     for place in (path.centre_px[0], path.centre_px[-1]):
         away = np.hypot(*(path.centre_px - place).T)
-        if np.count_nonzero(away < radius) < _MIN_ROWS:
+        if np.count_nonzero(away < radius) < MIN_FOUND_ROWS:
             continue
         clear = np.interp(scene.held, path.frame, away) > _CLEAR_RADII * radius
         frames = scene.held[clear]
-        if len(frames) < _MIN_ROWS:
+        if len(frames) < MIN_FOUND_ROWS:
             continue
         rows = np.unique(np.linspace(0, len(frames) - 1, _UNCOVERED_FRAMES).astype(int))
         height, width = scene.shape
@@ -315,7 +312,7 @@ def _followed_in(
         raise _no_ball(ball_at)
     path = _path_of(found.ball)
     picture, rough = _fit(scene, path, np.median(found.ball.seen.contrast, axis=0))
-    if len(rough) < _MIN_ROWS:
+    if len(rough) < MIN_FOUND_ROWS:
         raise _no_ball(ball_at)
     _tell(progress, 0.6)
     rest = find_rest(rough.frame, rough.centre, float(np.median(rough.radius)))
@@ -497,7 +494,7 @@ def _came(found: FoundObjects, rest: Rest) -> Tracklet | None:
         at = int(np.argmin(near))
         gap = float(np.hypot(*(other.centre_px[at] - rest.centre_px)))
         before = other.frame <= rest.last
-        if gap > 1.6 * (size + other.radius) or np.count_nonzero(before) < _MIN_ROWS:
+        if gap > 1.6 * (size + other.radius) or np.count_nonzero(before) < MIN_FOUND_ROWS:
             continue
         away = np.hypot(*(other.centre_px[before] - rest.centre_px).T)
         if away.max() - gap > size and away.min() > 0.6 * (size + other.radius):
@@ -527,7 +524,7 @@ def _others(
     if came is not None:
         fits = trusted_rows(follow_ball(scene, _path_of(came)))
         met = ("It came to the ball at rest and met it.",)
-        track = _track(fits, fps) if len(fits) >= _MIN_ROWS else _tracklet_track(came, fps)
+        track = _track(fits, fps) if len(fits) >= MIN_FOUND_ROWS else _tracklet_track(came, fps)
         objects.append(FollowedObject(track, MotionModel.ROLL, met))
     for other in found.rivals:
         if other is came or not _an_object(found, other):
@@ -552,9 +549,8 @@ def _an_object(found: FoundObjects, other: Tracklet) -> bool:
 
 
 def _maybe_shadow(tracklet: Tracklet) -> bool:
-    """Whether it dims what is behind it evenly, to within three times the noise."""
-    seen = tracklet.seen
-    return bool(np.median(seen.light) < 1.0 and np.median(seen.evenness) < 3.0)
+    """Whether it dims what is behind it evenly in most frames."""
+    return bool(np.mean(tracklet.seen.dims_evenly) > 0.5)
 
 
 def _looks(tracklet: Tracklet) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ from vision.clip.clip import ClipReader
 from vision.clip.footage import Footage
 from vision.finding.detection import Detections, with_small
 from vision.finding.detection import detect as detected
-from vision.finding.linking import Tracklet
+from vision.finding.linking import MIN_FOUND_ROWS, Tracklet, link_parameters, node_worth
 from vision.finding.linking import link as linked
 from vision.finding.selection import FEATURES, FoundObjects, select, tracklet_features
 from vision.scene import FilmedScene
@@ -60,11 +60,12 @@ def detect(clip: "str | Path | ClipReader") -> "pd.DataFrame":
     Returns
     -------
     DataFrame
-        A row for each object found: `frame`, `x_px`, `y_px`, `radius_px`, `coverage` (part of the
-        outline with an edge), `sharpness` (of these edges, units of noise), `evenness` (spread of
-        the ratio to the background, about 1 for a shadow), `light` (that ratio), `contrast_blue`
-        to `contrast_red` and `blue` to `red` (gray levels). `attrs["shape"]` holds height and
-        width of the picture.
+        A row for each object found: `frame`, `x_px`, `y_px`, `radius_px`, `score` (log odds that
+        its edges are an object's), `kind` (``shadow`` where it dims its background evenly, else
+        ``object``), `coverage` (part of the outline with an edge), `sharpness` (of these edges,
+        units of noise), `evenness` (spread of the ratio to the background, about 1 for a shadow),
+        `light` (that ratio), `contrast_blue` to `contrast_red` and `blue` to `red` (gray levels).
+        `attrs["shape"]` holds height and width of the picture.
 
     Raises
     ------
@@ -208,7 +209,9 @@ def detection_table(seen: Detections) -> "pd.DataFrame":
     import pandas as pd
 
     columns = {"frame": seen.frame, "x_px": seen.centre_px[:, 0], "y_px": seen.centre_px[:, 1]}
-    columns |= {"radius_px": seen.radius_px} | {name: getattr(seen, name) for name in _SINGLE}
+    columns |= {"radius_px": seen.radius_px, "score": node_worth(seen, link_parameters())}
+    columns["kind"] = np.where(seen.dims_evenly, "shadow", "object")
+    columns |= {name: getattr(seen, name) for name in _SINGLE}
     for place, colour in enumerate(_COLOURS):
         columns[f"contrast_{colour}"] = seen.contrast[:, place]
         columns[colour] = seen.colour[:, place]
@@ -295,19 +298,15 @@ class GivenObjects:
             return replace(own, frame=frame)
 
         parts = [replace(one, seen=inside(one.seen)) for one in self.tracklets]
-        kept = [place for place, part in enumerate(parts) if len(part) >= _MIN_ROWS]
+        kept = [place for place, part in enumerate(parts) if len(part) >= MIN_FOUND_ROWS]
         if self.measured is not None and self.measured not in kept:
             raise NotFoundError(
-                f"frames {first} to {stop - 1} hold fewer than {_MIN_ROWS} marked rows",
+                f"frames {first} to {stop - 1} hold fewer than {MIN_FOUND_ROWS} marked rows",
                 hint="Mark more rows with measured = 1.",
             )
         place = None if self.measured is None else kept.index(self.measured)
         tracklets = tuple(parts[place] for place in kept)
         return GivenObjects(self.digest, inside(self.seen), tracklets, place)
-
-
-_MIN_ROWS = 3
-"""Rows of a tracklet at least. Derived: fewer determine no motion."""
 
 
 def given_objects(table: object) -> GivenObjects:
@@ -335,12 +334,12 @@ def given_objects(table: object) -> GivenObjects:
         return GivenObjects(digest, _detections(rows), ())
     marked = rows["measured"].to_numpy() == 1.0
     rows.loc[marked, "tracklet"] = -1.0
-    objects = [own for _, own in rows.groupby("tracklet") if len(own) >= _MIN_ROWS]
+    objects = [own for _, own in rows.groupby("tracklet") if len(own) >= MIN_FOUND_ROWS]
     for own in objects:
         _refuse_repeated(own)
-    if not objects or 0 < marked.sum() < _MIN_ROWS:
+    if not objects or 0 < marked.sum() < MIN_FOUND_ROWS:
         raise UsageError(
-            f"the corrected table has no object of {_MIN_ROWS} rows or more to measure",
+            f"the corrected table has no object of {MIN_FOUND_ROWS} rows or more to measure",
             hint="Mark the rows of the measured object with 1 in the column measured.",
         )
     # the marked rows come first

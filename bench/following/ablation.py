@@ -1,6 +1,6 @@
 """Switch off one part of finding and following at a time, and count what changes.
 
-Run: python -m bench.following.ablation STORE [--labs FOLDER] [--out FILE]
+Run: python -m bench.following.ablation STORE [--labs FOLDER]
 
 STORE is a folder of training.finding_data. Features of the selection are left out of its fit, which
 is made anew without each recording in turn; steps of linking are left out on the stored detections.

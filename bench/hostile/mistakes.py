@@ -70,8 +70,8 @@ def outcome_of(mistake: Mistake) -> Outcome:
             ran = CliRunner().invoke(app, words)
             message = message_of(ran.stderr, ran.exit_code)
             named = re.search(mistake.cause, message, re.IGNORECASE) is not None
-            cured = mistake.option == "" and mistake.line == ("", "", "")
-            if not cured:
+            cured = named
+            if mistake.option or mistake.line != ("", "", ""):
                 cured = _pasted(mistake, words, message, folder)
         finally:
             os.chdir(before)

@@ -26,6 +26,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from metrology import (
     ImpactVisionError,
     MeasurementError,
+    NotFoundError,
     UsageError,
     write_text_whole,
 )
@@ -77,6 +78,7 @@ from pipelines.processes import end_with_parent
 from pipelines.report.inputs import quantity_label, quantity_text
 from pipelines.setup.file import load_setup
 from pipelines.terminal import counted, screen
+from vision.clip.clip import ClipReader
 from vision.tracks import MotionKind
 
 __all__ = [
@@ -718,9 +720,14 @@ def _one(
     *,
     budgets: bool = True,
 ) -> ClipMeasurement:
-    return _measured(
-        lambda tell: measure_clip(clip, options, tell), clip, wanted, names, budgets=budgets
-    )
+    try:
+        return _measured(
+            lambda tell: measure_clip(clip, options, tell), clip, wanted, names, budgets=budgets
+        )
+    except NotFoundError:
+        # the tables show what there was to choose from
+        wanted.write_unchosen(ClipReader.open(clip, every=options.every))
+        raise
 
 
 def _measured(

@@ -28,7 +28,7 @@ from pipelines.report import (
 from pipelines.report.inputs import quantity_label, quantity_text
 from vision.clip.clip import ClipReader
 from vision.overlay import OVERLAY_SUFFIXES, OverlayMarks, overlay_still, png_bytes
-from vision.stages import candidate_table, detection_table
+from vision.stages import candidate_table, detect, detection_table, interpret, link
 from vision.tracks import FollowedObject, Motion, Tracks
 
 if TYPE_CHECKING:
@@ -326,6 +326,25 @@ class WantedFiles:
                 "--overlay needs the clip, which is not given",
                 hint="vision measure CLIP --from-tracks FILE --overlay FILE.mp4",
             )
+
+    def write_unchosen(self, clip: ClipReader) -> None:
+        """Write the tables of what was found in a clip in which no ball was.
+
+        Raises
+        ------
+        UsageError
+            As `write`.
+        """
+        if self.detections is None and self.tracklets is None:
+            return
+        seen = detect(clip)
+        if self.detections is not None:
+            write_text_whole(self.detections, _as_csv(seen))
+        if self.tracklets is not None and len(seen):
+            linked = link(seen)
+            weighed = interpret(linked).set_index("tracklet")["probability"]
+            linked = linked.assign(probability=linked["tracklet"].map(weighed), measured=0)
+            write_text_whole(self.tracklets, _as_csv(linked))
 
     def require_following(self) -> None:
         """Refuse tables of objects found where no clip is followed.

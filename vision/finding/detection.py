@@ -94,6 +94,11 @@ class Detections:
     def __len__(self) -> int:
         return len(self.frame)
 
+    @property
+    def dims_evenly(self) -> NDArray[np.bool_]:
+        """Whether each dims what is behind it evenly, to within three times the noise (N,)."""
+        return np.asarray((self.light < 1.0) & (self.evenness < 3.0))
+
     def at(self, rows: IntArray | NDArray[np.bool_]) -> "Detections":
         """Some of the rows."""
         return Detections(*(getattr(self, field.name)[rows] for field in fields(self)))

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from metrology.compiled import compiled
 from vision.finding.detection import Detections
 
-__all__ = ["LinkParameters", "Tracklet", "link", "link_parameters"]
+__all__ = ["MIN_FOUND_ROWS", "LinkParameters", "Tracklet", "link", "link_parameters"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -38,6 +38,10 @@ _MAX_TRACKLETS = 20
 _ROUNDS, _PER_ROUND = 16, 2
 """Times that the best chains are looked for, those found taken out, and chains of each. Given by
 the budget: chains that share detections with better ones are found in later rounds."""
+
+
+MIN_FOUND_ROWS = 3
+"""Frames in which an object is found at least. Derived: fewer determine no motion."""
 
 
 @dataclass(frozen=True)

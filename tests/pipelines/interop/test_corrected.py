@@ -68,6 +68,9 @@ def test_the_tables_hold_what_was_found(tables: tuple[Path, Path, Path]) -> None
     assert seen["frame"].between(0, FRAMES - 1).all()
     assert seen["frame"].nunique() == FRAMES
     own = linked[linked["measured"] == 1]
+    assert {"score", "kind"} <= {*seen} & {*linked}
+    assert own["score"].median() > seen["score"].median() - 1e-6
+    assert (own["kind"] == "object").mean() > 0.9
     ball = ball_of(tables[2])
     near = own.merge(ball, on="frame", suffixes=("", "_fit"))
     assert len(near) > 30
@@ -170,3 +173,15 @@ def test_a_corrected_table_needs_its_clip(tables: tuple[Path, Path, Path], tmp_p
 def test_a_table_of_no_objects_is_refused_in_python(table, said: str) -> None:
     with pytest.raises(UsageError, match=said):
         iv.measure("a.mp4", tracklets=table)
+
+
+def test_what_was_found_is_written_where_no_ball_is(tmp_path: Path) -> None:
+    still = tmp_path / "still"
+    still.mkdir()
+    for index in range(12):
+        cv2.imwrite(str(still / f"{index:03d}.png"), exposed(wall(120, 200), 1.5, index))
+    found = tmp_path / "detections.csv"
+    code, said = measured(still, "--detections", found)
+    assert code == 4
+    assert "no ball found" in said
+    assert {"frame", "x_px", "y_px", "radius_px", "score", "kind"} <= {*pd.read_csv(found)}

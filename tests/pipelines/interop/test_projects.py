@@ -304,9 +304,9 @@ def test_without_a_clip_nobody_is_asked_to_light_its_wall(tmp_path) -> None:
     path.write_text("frame,x_px,y_px\n" + "\n".join(rows) + "\n")
     from pipelines.api.quantities import measure_options
 
-    told = " ".join(measure_from_tracks(path, measure_options(fps="240")).warnings)
-    assert "there is no picture of the wall. Pass the clip, too" in told
-    assert "Light" not in told
+    said = " ".join(measure_from_tracks(path, measure_options(fps="240")).warnings)
+    assert "there is no picture of the wall. Pass the clip, too" in said
+    assert "Light" not in said
 
 
 def test_a_table_whose_y_points_down_is_turned_over(tmp_path) -> None:
@@ -317,6 +317,6 @@ def test_a_table_whose_y_points_down_is_turned_over(tmp_path) -> None:
     path.write_text("t_s,x_m,y_m\n" + "\n".join(rows) + "\n")
     from pipelines.api.quantities import measure_options
 
-    told = " ".join(measure_from_tracks(path, measure_options(fps="240")).warnings)
-    assert "y is taken as pointing down and turned over" in told
-    assert "check --fps" not in told
+    said = " ".join(measure_from_tracks(path, measure_options(fps="240")).warnings)
+    assert "y is taken as pointing down and turned over" in said
+    assert "check --fps" not in said
