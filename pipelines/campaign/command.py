@@ -199,11 +199,18 @@ def _with_progress(asked: CampaignOptions, quiet: bool) -> Campaign:
         task = bar.add_task("measuring", total=None)
 
         def on_clip(progress: RunProgress, outcome: AttemptOutcome) -> None:
-            bar.update(task, total=progress.todo, completed=progress.done + progress.failed)
+            finished = progress.done + progress.failed
+            bar.update(
+                task,
+                description=f"measuring {progress.purpose}",
+                total=progress.todo,
+                completed=finished,
+            )
             failed = outcome.state == State.FAILED
             if not quiet and (failed or not errors.is_terminal):
-                count = f"{progress.done + progress.failed}/{progress.todo} "
+                count = f"{finished}/{progress.todo} "
                 said = outcome.error if failed else f"measured in {outcome.seconds:.1f} s"
+                said = ", ".join(filter(None, (said, progress.purpose)))
                 errors.print(f"{count}{outcome.clip}: {said}", soft_wrap=True, markup=False)
 
         try:

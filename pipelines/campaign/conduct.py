@@ -440,7 +440,7 @@ def _run(
         pilots = [clip for clip in strikes if not asked.only or clip_key(clip) in asked.only]
         pilots = pilots[:: -(-len(pilots) // MAX_PILOTS) or 1]
         few = replace(plan.matched, strikes={clip: strikes[clip] for clip in pilots})
-        first = measured(replace(plan, matched=few))
+        first = measured(replace(plan, matched=few, purpose="to estimate the capture rate"))
         if first.stopped is not None:
             return first
         with Ledger(plan.folder) as ledger:

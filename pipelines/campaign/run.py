@@ -80,12 +80,15 @@ class RunPlan:
     options : RunOptions
     matched : Matched
     version : str
+    purpose : str
+        What it is for, if not for the results; shown beside the progress.
     """
 
     folder: Path
     options: RunOptions
     matched: Matched
     version: str
+    purpose: str = ""
 
     def order(self, clip: Path, sha256: str, ball_at: str | None = None) -> WorkOrder:
         """Build the work order of a clip; `ball_at` is a point on the ball given by the user."""
@@ -427,6 +430,8 @@ class Progress:
         Clips measured again, and what changed.
     stopped : str or None
         Why the run ended early; unfinished clips wait for the next run.
+    purpose : str
+        As of `RunPlan`.
     """
 
     todo: int = 0
@@ -434,6 +439,7 @@ class Progress:
     failed: int = 0
     again: dict[str, str] = field(default_factory=dict)
     stopped: str | None = None
+    purpose: str = ""
 
 
 def run(
@@ -469,7 +475,7 @@ def run(
         orders = [plan.order(clip, _sha256(clip), points.get(name)) for name, clip in paths.items()]
         again = ledger.plan(orders, retry_failed=retry_failed)
         names = [name for name in ledger.waiting() if name in paths and (not only or name in only)]
-        progress = Progress(todo=len(names), again=again)
+        progress = Progress(todo=len(names), again=again, purpose=plan.purpose)
         if names:
             with crew() as hands:
                 _work(plan, ledger, hands, paths, names, progress, after_each)

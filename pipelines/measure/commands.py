@@ -75,7 +75,7 @@ from pipelines.measure.inputs import QuantityName, gather_inputs, kinds_of
 from pipelines.measure.measurement import QUANTITY_UNITS, ClipMeasurement
 from pipelines.measure.results import missing_input
 from pipelines.processes import end_with_parent
-from pipelines.report.inputs import quantity_label, quantity_text
+from pipelines.report.inputs import for_people, quantity_label, quantity_text
 from pipelines.setup.file import load_setup
 from pipelines.terminal import counted, screen
 from vision.clip.clip import ClipReader
@@ -779,7 +779,7 @@ def _measured(
 def _print_budgets(measured: ClipMeasurement, names: tuple[str, ...]) -> None:
     console = screen()
     console.print("uncertainty budgets (one standard uncertainty each)")
-    for item in measured.quantities:
+    for item in map(for_people, measured.quantities):
         if item.name not in names or not item.known:
             continue
         lines = ", ".join(f"{line.source} {line.std:.2g}" for line in item.budget[:4])
