@@ -58,7 +58,7 @@ from vision.clip.footage import choose_capture_rate
 from vision.clip.picture import ClipInfo, GrayImage
 from vision.finding.selection import FoundObjects
 from vision.overlay import write_overlay
-from vision.stages import candidate_table, detection_table, given_objects
+from vision.stages import GivenObjects, candidate_table, detection_table, given_objects
 from vision.tracks import Motion
 
 if TYPE_CHECKING:
@@ -254,6 +254,16 @@ class Measurement:
         return ClipReader.open(self.record.info.path, every=self.record.info.every)
 
 
+def _corrected(tracklets: object) -> GivenObjects:
+    """A corrected table, or the file of one."""
+    if not isinstance(tracklets, str | os.PathLike):
+        return given_objects(tracklets)
+    # tables of files need pandas
+    from pipelines.interop.corrected import read_corrected
+
+    return read_corrected(Path(tracklets))
+
+
 @worded_for_python
 @checked_values
 def measure(
@@ -320,14 +330,7 @@ def measure(
         setup, fps, ball, wall_grid, ball_at, mass_at, cache=cache, scale=scale, every=every
     )
     if tracklets is not None:
-        # tables of files need pandas
-        from pipelines.interop.corrected import read_corrected
-
-        if isinstance(tracklets, str | os.PathLike):
-            corrected = read_corrected(Path(tracklets))
-        else:
-            corrected = given_objects(tracklets)
-        options = replace(options, corrected=corrected)
+        options = replace(options, corrected=_corrected(tracklets))
     with notebook_progress() as progress:
         return Measurement(measure_clip(Path(path), options, progress), options.setup)
 
