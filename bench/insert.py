@@ -139,7 +139,7 @@ def _evidence(found: Record) -> dict[str, Callable[[], str]]:
     known: dict[str, Callable[[], str]] = {"evidence.commit": lambda: found["commit"]}
     known["evidence.tables_commit"] = lambda: found.get("tables_commit", found["commit"])
     clips, tables = found["clips"], found["tables"]
-    for part in ("shipped", "rendered", "scenes", "rooms", "altered"):
+    for part in ("shipped", "rendered", "scenes"):
         mine = {k: v for k, v in clips.items() if k.startswith(f"{part}/")}
         known[f"evidence.{part}"] = partial(_clips_table, mine)
         known[f"evidence.{part}.count"] = partial(str, len(mine))
@@ -207,7 +207,7 @@ def _real_clips_table(clips: Record) -> str:
 
 def _summary_table(clips: Record) -> str:
     rows = []
-    for part in ("shipped", "rendered", "scenes", "rooms", "altered"):
+    for part in ("shipped", "rendered", "scenes"):
         mine = [clip for key, clip in clips.items() if key.startswith(f"{part}/")]
         if not mine:
             continue

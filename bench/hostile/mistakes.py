@@ -11,6 +11,7 @@ import os
 import re
 import shlex
 import tempfile
+import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -106,6 +107,10 @@ def _pasted(mistake: Mistake, words: Sequence[str], message: str, folder: Path) 
     return ran.exit_code == 0 and "Likely cause" not in ran.output
 
 
+_SHOWN = 300
+"""Characters of a message on the page."""
+
+
 def page(outcomes: Sequence[Outcome]) -> str:
     """The page of the evidence."""
     named, cured = sum(one.named for one in outcomes), sum(one.cured for one in outcomes)
@@ -123,7 +128,8 @@ def page(outcomes: Sequence[Outcome]) -> str:
     for kind in kinds:
         lines += ["", f"## {kind}", "", "| mistake | message | named | cure |", "|---|---|---|---|"]
         for one in (one for one in outcomes if one.mistake.kind == kind):
-            cells = (one.mistake.name, f"`{one.command}`: {one.message}")
+            said = textwrap.shorten(one.message, _SHOWN, placeholder=" …")
+            cells = (one.mistake.name, f"`{one.command}`: {said}")
             shown = " | ".join(cell.replace("|", "\\|").replace("<", "&lt;") for cell in cells)
             lines.append(f"| {shown} | {_yes(one.named)} | {_yes(one.cured)} |")
     return "\n".join(lines) + "\n"
