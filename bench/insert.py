@@ -207,7 +207,7 @@ def _real_clips_table(clips: Record) -> str:
 
 def _summary_table(clips: Record) -> str:
     rows = []
-    for part in ("shipped", "rendered", "scenes"):
+    for part in ("shipped", "rendered", "scenes", "rooms", "altered"):
         mine = [clip for key, clip in clips.items() if key.startswith(f"{part}/")]
         if not mine:
             continue
