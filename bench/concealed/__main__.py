@@ -27,6 +27,8 @@ from bench.concealed.report import (
 )
 from bench.concealed.run import Stop, run_until
 from bench.concealed.score import Judgement, judge
+from bench.concealed.second.careful import GENERATOR as CAREFUL_GENERATOR
+from bench.concealed.second.careful import draw_careful
 from bench.concealed.second.draw import GENERATOR as SECOND_GENERATOR
 from bench.concealed.second.draw import draw_campaign as draw_second
 from bench.concealed.world.draw import GENERATOR, draw_campaign
@@ -41,6 +43,7 @@ class World(StrEnum):
 
     OWN = "own"
     SECOND = "second"
+    CAREFUL = "careful"
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,8 @@ class Shelf:
     def _label(self) -> str:
         if self.world is World.SECOND:
             return f"second-{SECOND_GENERATOR}-{self.seed}"
+        if self.world is World.CAREFUL:
+            return f"careful-{CAREFUL_GENERATOR}-{self.seed}"
         return f"{GENERATOR}-{self.seed}"
 
     def campaign(self, number: int) -> Path:
@@ -76,7 +81,7 @@ class Shelf:
 
 def _draw(task: tuple[Shelf, int]) -> None:
     shelf, number = task
-    draw = draw_second if shelf.world is World.SECOND else draw_campaign
+    draw = {World.SECOND: draw_second, World.CAREFUL: draw_careful}.get(shelf.world, draw_campaign)
     draw(shelf.seed, number, shelf.campaign(number), shelf.keys)
 
 
@@ -110,7 +115,8 @@ def _options() -> argparse.Namespace:
         type=World,
         choices=list(World),
         default=World.OWN,
-        help="own: laws in (nearly) the catalogue's form; second: laws of other forms",
+        help="own: laws in (nearly) the catalogue's form; second: laws of other forms;"
+        " careful: nothing missing, inputs and instruments a little off",
     )
     parser.add_argument(
         "--second", type=int, default=0, metavar="N",
@@ -232,8 +238,9 @@ def main() -> None:
     own, theirs = _answered(options, shelf, Stop(options.minutes))
     if options.draw_only:
         return
-    second = own if options.world is World.SECOND else _second(options, shelf)
-    own = [] if options.world is World.SECOND else own
+    others = options.world in (World.SECOND, World.CAREFUL)
+    second = own if others else _second(options, shelf)
+    own = [] if others else own
     pixels = [] if options.pixels is None else section(options.pixels)
     answered_by = options.answers.name.rsplit("-", 1)[-1] if options.answers else shelf.version
     asked = Asked(options.campaigns, options.seed, answered_by)

@@ -10,6 +10,7 @@ import numpy as np
 
 from bench.concealed.calibration import calibration_section
 from bench.concealed.score import MIMICKED, Judgement
+from bench.concealed.second.careful import INSTRUMENTS
 from bench.concealed.second.laws import NAMED, UNNAMED
 from bench.concealed.statistics import Proportion, brier_score, calibration_error
 from bench.concealed.world.conventions import true_parameter
@@ -167,6 +168,8 @@ def _class_rows(scored: Sequence[Scored]) -> list[tuple[str, str, str, str]]:
     return [
         ("nulls with a name", "≤ 2 %", "≤ 0.5 %",
          str(_share(_of(scored, "null"), lambda j: j.named))),
+        ("nulls and careful laboratories: a name of 0.5 or more that is no error of theirs", "2 %",
+         "0.5 %", str(_share([*_of(scored, "null"), *_of(scored, "careful")], _falsely_named))),
         ("single strong: right id or declared group, nothing else", "93 %", "98 %",
          str(_share(_of(scored, "single", "strong"), _right))),
         ("single medium", "88 %", "95 %", str(_share(_of(scored, "single", "medium"), _right))),
@@ -228,6 +231,15 @@ def _main_rows(scored: Sequence[Scored]) -> list[tuple[str, str, str, str]]:
     ]  # fmt: skip
 
 
+def _falsely_named(judgement: Judgement) -> bool:
+    """Whether something that was not concealed is more probable than not."""
+    truth = {hidden.id for hidden in judgement.key.effects}
+    return any(
+        (named.probability or 0.0) >= 0.5 and named.id not in truth
+        for named in judgement.answer.named
+    )
+
+
 def _misled(judgement: Judgement) -> bool:
     return bool(judgement.answer.ids) and not judgement.covered
 
@@ -268,6 +280,8 @@ def _confusion(scored: Sequence[Scored]) -> list[str]:
 def _good(judgement: Judgement) -> bool:
     if judgement.key.kind == "null":
         return not judgement.named
+    if judgement.key.kind == "careful":
+        return not _falsely_named(judgement)
     if judgement.key.kind == "twins":
         return judgement.grouped
     if judgement.key.kind == "outside":
@@ -312,7 +326,9 @@ def _foreign_rows(foreign: Sequence[Scored]) -> list[str]:
 def _second_section(scored: Sequence[Scored]) -> list[str]:
     if not scored:
         return ["Not requested.", ""]
-    forms = [(law.name, law.id, law.form) for law in (*NAMED, *UNNAMED)]
+    careful = scored[0].judgement.key.kind == "careful"
+    laws = INSTRUMENTS if careful else (*NAMED, *UNNAMED)
+    forms = [(law.name, law.id, law.form) for law in laws]
     _, bins = calibration_error(*map(list, zip(*_declared(scored), strict=True)))
     return [
         f"{len(scored)} campaigns. No law has the form that the catalogue contains.",

@@ -1,5 +1,6 @@
 """Facts a laboratory knows about a campaign, and the setup file with them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -48,7 +49,10 @@ class BallFacts:
 
 @dataclass(frozen=True)
 class LabFacts:
-    """Contents of a campaign's setup file (SI; angles in degrees where the name states it)."""
+    """Contents of a campaign's setup file (SI; angles in degrees where the name states it).
+
+    `relative_std` holds the relative standard uncertainties that it states, if any.
+    """
 
     balls: dict[str, BallFacts]
     pendulum_length: float
@@ -72,17 +76,23 @@ class LabFacts:
         }
     )
     drag_coefficient: float | None = None
+    relative_std: Mapping[str, float] = field(default_factory=dict)
+
+    def stated(self, name: str) -> str:
+        """Uncertainty of an input as a set-up file writes it."""
+        std = self.relative_std.get(name)
+        return "" if std is None else f" ± {100.0 * std:g} %"
 
 
 def _scatter_line(key: str, value: str) -> str:
     return f"{key} = {value}" if key.startswith("cor") else f'{key} = "{value}"'
 
 
-def _ball_lines(name: str, ball: BallFacts) -> list[str]:
+def _ball_lines(name: str, ball: BallFacts, facts: LabFacts) -> list[str]:
     lines = [
         f"[balls.{name}]",
-        f'mass = "{ball.mass:.6g} kg"',
-        f'diameter = "{ball.diameter:.6g} m"',
+        f'mass = "{ball.mass:.6g} kg{facts.stated("ball_mass")}"',
+        f'diameter = "{ball.diameter:.6g} m{facts.stated("diameter")}"',
         f'launch_angle = "{ball.launch_angle_deg:.6g} deg"',
         f'cor = "{ball.cor_law}"',
         "",
@@ -102,9 +112,9 @@ def setup_text(facts: LabFacts) -> str:
         "",
         "[pendulum]",
         f'length = "{facts.pendulum_length:.8g} m"',
-        f'inertia = "{facts.pendulum_inertia:.8g} kg m^2"',
-        f'mass = "{facts.pendulum_mass:.8g} kg"',
-        f'com = "{facts.pendulum_com:.8g} m"',
+        f'inertia = "{facts.pendulum_inertia:.8g} kg m^2{facts.stated("inertia")}"',
+        f'mass = "{facts.pendulum_mass:.8g} kg{facts.stated("pendulum_mass")}"',
+        f'com = "{facts.pendulum_com:.8g} m{facts.stated("com")}"',
     ]
     if facts.effective_mass is not None:
         lines.append(f'effective_mass = "{facts.effective_mass:.8g} kg"')
@@ -137,7 +147,7 @@ def setup_text(facts: LabFacts) -> str:
         lines.append('effects = ["gravity"]')
     lines.append("")
     for name, ball in facts.balls.items():
-        lines += _ball_lines(name, ball)
+        lines += _ball_lines(name, ball, facts)
     return "\n".join(lines)
 
 

@@ -3,6 +3,10 @@
 import numpy as np
 import pytest
 
+from bench.concealed.answer import Answer, Named
+from bench.concealed.report import Asked, Scored, proof_text
+from bench.concealed.score import judge
+from bench.concealed.second.careful import draw_careful
 from bench.concealed.second.draw import draw_campaign, draw_plan
 from bench.concealed.second.laws import NAMED, UNNAMED
 from bench.concealed.second.motion import move
@@ -52,3 +56,23 @@ def test_the_same_seed_draws_the_same_campaign(tmp_path):
     assert first == again
     assert (tmp_path / "a/ball.csv").read_bytes() == (tmp_path / "b/ball.csv").read_bytes()
     assert first.effects[0].delta_chi2 == pytest.approx(first.delta_chi2)
+
+
+def test_a_careful_laboratory_states_what_its_inputs_may_be_off_by(tmp_path):
+    keys = [draw_careful(3, n, tmp_path / str(n), tmp_path / "keys") for n in range(3)]
+    stated = [(tmp_path / str(n) / "setup.toml").read_text() for n in range(3)]
+    assert any("kg m^2 ± 0.2 %" in text for text in stated)
+    assert {key.kind for key in keys} == {"careful"}
+    assert draw_careful(3, 0, tmp_path / "again", tmp_path / "keys") == keys[0]
+
+
+def test_a_careful_laboratory_may_be_told_of_its_own_ruler_only(tmp_path):
+    key = draw_careful(3, 0, tmp_path / "0", tmp_path / "keys")
+
+    def page(identity):
+        answer = Answer("explained", (Named(identity, 0.9, {}),), ())
+        scored = [Scored(judge(key, answer), tmp_path / "0")]
+        return proof_text([], [], Asked(1, 3), [], [], scored)
+
+    assert "no error of theirs | 2 % | 0.5 % | 0.0 %" in page("length_scale")
+    assert "no error of theirs | 2 % | 0.5 % | 100.0 %" in page("effective_mass")

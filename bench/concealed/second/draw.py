@@ -12,7 +12,7 @@ from bench.concealed.second.laws import NAMED, UNNAMED, Law
 from bench.concealed.second.motion import Array, Concealed, Motion, Shots, collide, move
 from bench.concealed.setup_toml import BallFacts, LabFacts, Outcome, write_setup
 
-__all__ = ["GENERATOR", "KINDS", "draw_campaign", "draw_plan", "kind_of"]
+__all__ = ["GENERATOR", "KINDS", "draw_campaign", "draw_plan", "kind_of", "perform"]
 
 # Increased whenever the campaigns of a seed change.
 GENERATOR = 2
@@ -251,9 +251,10 @@ def _noisy(
     return clean + noise, rng.random(len(clean)) >= drops
 
 
-def _perform(
+def perform(
     rng: np.random.Generator, plan: Plan, concealed: Concealed, folder: Path
 ) -> tuple[TrialTruth, ...]:
+    """Simulate a campaign with its concealed laws; write the recording into `folder`."""
     n, shots = len(plan.shots), plan.shots
     names = sorted(set(plan.ball))
     own = np.array([names.index(name) for name in plan.ball])
@@ -308,7 +309,7 @@ def draw_campaign(seed: int, number: int, folder: Path, keys: Path) -> Key:
     kind = kind_of(seed, number)
     plan = draw_plan(rng)
     concealed = _choose(rng, kind, plan)
-    truths = _perform(rng, plan, tuple(concealed), folder)
+    truths = perform(rng, plan, tuple(concealed), folder)
     matrix = _information(plan, concealed) if concealed else np.zeros((0, 0))
     total = float(matrix.sum())
     level = "none" if not concealed else "weak" if total < 10 else "medium"
