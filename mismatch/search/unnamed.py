@@ -323,6 +323,33 @@ class PlacedBrake(Notch):
 
 
 @dataclass(frozen=True)
+class PlacedFriction(Notch):
+    """Dry friction near one angle alone: a sticky patch of a bearing, a hair that is brushed.
+
+    Wider than its reach allows it would pass for dry friction everywhere.
+    """
+
+    statement: str = "Dry friction near one angle of the swing brakes whatever passes it."
+    law: str = r"\tau = -\tau_0\,\mathrm{sgn}\,\dot\varphi\,e^{-(\varphi - \varphi_0)^2/2w^2}"
+    parameters: tuple[Parameter, ...] = (
+        Parameter(
+            "strength", "N m", 0.3, 0.0, 300.0, meaning="size of the torque where it is most",
+            in_units_of=Size.PENDULUM_TORQUE,
+        ),
+        Parameter(
+            "place", "rad", 0.1, -0.8, 0.8,
+            grid=(-0.5, -0.35, -0.2, -0.1, 0.0, 0.1, 0.2, 0.35, 0.5),
+        ),
+        Parameter("reach", "rad", 0.03, 0.005, 0.15, grid=(0.05,)),
+    )  # fmt: skip
+
+    def torque(self, values: Values, swing: SwingState) -> Number:
+        """Against the motion, times a Gaussian in the angle."""
+        apart = (swing.phi - values["place"]) / values["reach"]
+        return -values["strength"] * swing.sense * np.exp(-0.5 * np.square(apart))
+
+
+@dataclass(frozen=True)
 class RestoringTorque(UnnamedLaw):
     """A restoring torque that wide swings feel otherwise than gravity's, small ones alike.
 
@@ -395,7 +422,9 @@ def unnamed_laws(mode: str) -> tuple[Effect, ...]:
     )
     if mode == "impact":
         return (*flight, Notch(), Ageing(), Ageing(form="launch angle"))
-    swing: tuple[Effect, ...] = (Notch(), Well(), PlacedBrake(), RestoringTorque())
+    swing: tuple[Effect, ...] = (
+        Notch(), Well(), PlacedBrake(), PlacedFriction(), RestoringTorque(),
+    )  # fmt: skip
     return flight if mode == "flight" else swing
 
 

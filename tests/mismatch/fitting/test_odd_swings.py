@@ -71,6 +71,30 @@ def test_a_local_brake_is_unnamed_and_no_bearing_friction(tmp_path):
     assert found.parameters[2].value == pytest.approx(place, rel=0.05)
 
 
+@pytest.mark.slow
+def test_a_sticky_patch_is_unnamed_and_no_bearing_friction(tmp_path):
+    """A patch of dry friction was bearing_friction 0.96, both its shapes at their upper bounds."""
+    inertia, place = 0.4 * 0.5**2, 0.22
+    time, parts = np.arange(0.0, 10.0, 1.0 / 40.0), []
+    rng = np.random.default_rng(7)
+
+    def rates(_, state):
+        patch = 0.12 / (1.0 + ((state[0] - place) / 0.05) ** 4)
+        return [state[1], -9.80665 / 0.5 * np.sin(state[0]) - patch * np.tanh(state[1] / 0.01)]
+
+    for trial, width in enumerate((0.7, -0.5, 0.4)):
+        path = solve_ivp(rates, (0.0, 10.0), [width, 0.0], "LSODA", time, rtol=1e-9, atol=1e-10)
+        angle = path.y[0] + rng.normal(0.0, 0.001, time.size)
+        parts.append(pd.DataFrame({"trial": trial, "t_s": time, "phi_rad": angle}))
+    pd.concat(parts).to_csv(tmp_path / "patch.csv", index=False)
+    _write_setup(tmp_path, inertia)
+    verdict = explain_files_in_full(None, tmp_path / "patch.csv", tmp_path / "setup.toml").verdict
+    (found,) = verdict.effects
+    assert found.id == "unnamed"
+    assert found.probability > 0.5
+    assert found.parameters[1].value == pytest.approx(place, abs=0.02)
+
+
 def _write_setup(folder, inertia):
     (folder / "setup.toml").write_text(
         '[pendulum]\nlength = "0.5 m"\ncom = "0.5 m"\nmass = "0.4 kg"\n'
