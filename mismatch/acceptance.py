@@ -14,6 +14,7 @@ from mismatch.candidates import Candidate
 from mismatch.fitting.fit import Fit
 from mismatch.fitting.hypotheses import Hypothesis, group_tolerance
 from mismatch.fitting.scan import scan
+from mismatch.fitting.stated import USUAL_INPUTS
 from mismatch.forward import Forward
 from mismatch.search.naming import Naming
 from mismatch.search.unnamed import smooth_fields
@@ -39,6 +40,7 @@ FEATURES = (
     "structure",
     "fellows",
     "doubts",
+    "mixed",
 )
 """Columns of the calibration table, in the order of its weights."""
 
@@ -88,6 +90,9 @@ class NameEvidence:
         Rules that take probability away: a further name that removes no error of predictions
         (95 %), each parameter at a bound, a fit that did not converge, a better forbidden answer, a
         strength that trials do not share or leave open.
+    mixed : int
+        One if the answer names faults of the recording and laws of the motion together. Both at
+        once are rare, and either bends a path as the other's imperfect form leaves it.
     """
 
     id: str
@@ -102,6 +107,7 @@ class NameEvidence:
     structure: float
     fellows: int
     doubts: int
+    mixed: int = 0
 
 
 def features_of(evidence: NameEvidence) -> FloatArray:
@@ -124,6 +130,7 @@ def features_of(evidence: NameEvidence) -> FloatArray:
             math.log1p(max(evidence.structure, 0.0)),
             float(evidence.fellows),
             float(evidence.doubts),
+            float(evidence.mixed),
         ]
     )
 
@@ -172,19 +179,20 @@ def evidence_for_names(
     if best is None:
         return ()
     structure = smooth_structure(forward, best)
-    mine = _height(naming, best)
+    mine = naming.height(best)
     other = other_kind(naming, best)
-    over = mine - (0.0 if other is None else _height(naming, other))
+    over = mine - (0.0 if other is None else naming.height(other))
     # Chi-square itself scatters by sqrt(2 n): what is within three of these is no misfit.
     noise = 1.0 + 3.0 * math.sqrt(2.0 / best.fit.expected)
     left = math.sqrt(
         max(best.fit.chi2 / best.fit.expected - noise, 0.0)
         / max(base.chi2 / base.expected - 1.0, 1e-9)
     )
+    mixed = len({member.effect.phase == "measurement" for member in best.members}) > 1
     found = []
     for member in best.members:
-        without = _best_without(naming, member.id)
-        rival = 0.0 if without is None else _height(naming, without)
+        without = naming.best_without(member.id)
+        rival = 0.0 if without is None else naming.height(without)
         chance = naming.threshold - 6.0
         odds = mine - max(rival, chance)
         known = base if without is None else without.fit
@@ -204,19 +212,10 @@ def evidence_for_names(
                 structure,
                 len(best.members) - 1,
                 doubts + (len(best.members) > 1 and interval[0] <= 0.0),
+                int(mixed),
             )
         )
     return tuple(found)
-
-
-def _best_without(naming: Naming, identity: str) -> Hypothesis | None:
-    """The best allowed set of names, of any size, that does without one of them.
-
-    Forces without a name are compared with the whole answer: one of them may contain a named law.
-    """
-    others = [h for h in naming.tried if h.allowed and identity not in h.ids and not h.has_unnamed]
-    best = max(others, key=lambda h: h.penalised_gain, default=None)
-    return best if best is not None and best.penalised_gain > 0.0 else None
 
 
 def sets_to_predict(naming: Naming) -> tuple[Hypothesis, ...]:
@@ -226,7 +225,7 @@ def sets_to_predict(naming: Naming) -> tuple[Hypothesis, ...]:
         return ()
     found = [best]
     for identity in dict.fromkeys(best.ids):
-        without = _best_without(naming, identity)
+        without = naming.best_without(identity)
         if without is not None and all(without is not one for one in found):
             found.append(without)
     return tuple(found)
@@ -240,17 +239,14 @@ def other_kind(naming: Naming, best: Hypothesis) -> Hypothesis | None:
 
 def other_sizes(naming: Naming, best: Hypothesis) -> tuple[Hypothesis, ...]:
     """The best allowed set of fewer names, and the best of more if it has as much evidence."""
-    named = [h for h in naming.tried if h.allowed and not h.has_unnamed]
+    named = [
+        h for h in naming.tried
+        if h.allowed and not h.has_unnamed and USUAL_INPUTS not in h.ids
+    ]  # fmt: skip
     fewer = [h for h in named if len(h.members) < len(best.members)]
     least = best.penalised_gain - group_tolerance(best)
     more = [h for h in named if len(h.members) > len(best.members) and h.penalised_gain >= least]
     return tuple(max(sets, key=lambda h: h.penalised_gain) for sets in (fewer, more) if sets)
-
-
-def _height(naming: Naming, h: Hypothesis) -> float:
-    """Evidence of a set over the baseline, averaged over the forms of its laws."""
-    family = naming.families.get(tuple(sorted(h.ids)))
-    return h.penalised_gain if family is None else family.penalised_gain
 
 
 def _removed(

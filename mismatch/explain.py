@@ -29,11 +29,13 @@ from mismatch.fitting.hypotheses import LOOSE_LAWS, POOR_FIT, SURELY, Hypothesis
 from mismatch.fitting.prepare import Prepared, prepare, with_slow_noise
 from mismatch.fitting.reading import NOTEWORTHY
 from mismatch.fitting.scan import own_values, robust_spread, scan
+from mismatch.fitting.stated import USUAL_INPUTS
 from mismatch.fitting.wandering import wandering_errors
 from mismatch.forward import OUTSIDE, Forward
 from mismatch.records import SIGNIFICANT, Baseline, CampaignRecords
 from mismatch.repeats import repeats_of
 from mismatch.sanity import DroppedInEach, refuse_nonsense, without_odd_trials
+from mismatch.search.inputs import beside_usual_inputs
 from mismatch.search.locate import (
     locate,
     noise_notes,
@@ -176,6 +178,21 @@ INSTRUMENTS = frozenset({EffectId.LENGTH_SCALE, EffectId.TIME_BASE, EffectId.CAM
 def _searched(prepared: Prepared, effects: Sequence[Effect], most: int) -> tuple[Prepared, Naming]:
     """What the search finds, and the baseline that it starts from.
 
+    Where usual errors of stated inputs and instruments have more evidence than names, they are left
+    open and the search starts anew.
+    """
+    prepared, found = _searched_as_stated(prepared, effects, most)
+    inputs = beside_usual_inputs(prepared, found)
+    if inputs.opened is None:
+        return prepared, found.and_tried(inputs.sets)
+    return _searched_as_stated(inputs.opened, effects, most)
+
+
+def _searched_as_stated(
+    prepared: Prepared, effects: Sequence[Effect], most: int
+) -> tuple[Prepared, Naming]:
+    """As `_searched`, with the inputs as the baseline has them.
+
     Beside open instruments a fault of theirs explains nothing that they don't take up. Where
     nothing else is found, and one is further off than careful labs are, faults are looked for from
     instruments that are held to be right. One that is only assumed to be right, and surely is not,
@@ -184,7 +201,7 @@ def _searched(prepared: Prepared, effects: Sequence[Effect], most: int) -> tuple
     found = name_effects(prepared.forward, prepared.fit, effects, most=most)
     slow = None if found.best is None else with_slow_noise(prepared, _beside(prepared, found.best))
     if slow is not None:
-        return _searched(slow, effects, most)
+        return _searched_as_stated(slow, effects, most)
     wandering = _among_wandering_errors(prepared, found)
     if wandering is not None:
         told = name_effects(wandering.forward, wandering.fit, effects, most=most)
@@ -297,7 +314,10 @@ def _instruments_off(base: Fit) -> bool:
 
 
 def _open_notes(prepared: Prepared, best: Hypothesis | None) -> tuple[str, ...]:
-    """What ruler, clock and axes were found off by, where that is more than usual; and a drag."""
+    """What ruler, clock and axes were found off by, where that is more than usual; and a drag.
+
+    Of inputs that were opened because they have evidence, every error that shows.
+    """
     fit = prepared.fit if best is None else best.fit
     least = Defaults.MIN_DRAG_COEFFICIENT.known
     found = []
@@ -311,6 +331,13 @@ def _open_notes(prepared: Prepared, best: Hypothesis | None) -> tuple[str, ...]:
                     f"; bodies have {least:g} or more, so mass, diameter or air may be another's"
                 )
             found.append(told)
+        elif identity == USUAL_INPUTS:
+            if abs(value) > NOTEWORTHY * std:
+                found.append(
+                    f"{p.name.replace('_', ' ')} of the setup or the instrument: off by"
+                    f" {value:.2g} ± {std:.1g}{unit}, in careful laboratories by"
+                    f" {p.width:.1g}{unit}. Measure it again"
+                )
         elif abs(value) > NOTEWORTHY * p.width:
             found.append(
                 f"{identity} was left open: {number}, more than the {p.width:.1g}{unit} of a"

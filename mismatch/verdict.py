@@ -17,6 +17,7 @@ from mismatch.fitting.fit import Ending, Fit, Free, fit_model
 from mismatch.fitting.hypotheses import POOR_FIT, Hypothesis, is_known
 from mismatch.fitting.prepare import Prepared
 from mismatch.fitting.scan import heterogeneity, own_values, trial_pulls
+from mismatch.fitting.stated import USUAL_INPUTS
 from mismatch.forward import Forward
 from mismatch.records import Records
 from mismatch.sanity import fall_in_g, keeps_time
@@ -415,6 +416,7 @@ _WORDS: Mapping[str, str] = {
     EffectId.UNNAMED: "a force that is in no catalogue",
     EffectId.MAGNUS: "Magnus lift",
     EffectId.TIME_BASE: "wrong frame rate",
+    USUAL_INPUTS: "usual errors of the stated inputs and instruments",
     EffectId.LENGTH_SCALE: "wrong length scale",
     "velocity_dependent_cor": "restitution that depends on speed",
 }

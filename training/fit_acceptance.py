@@ -41,6 +41,7 @@ PRIOR = {
     "structure": (-0.5, 0.3),
     "fellows": (-0.5, 0.5),
     "doubts": (-1.5, 0.7),
+    "mixed": (-1.0, 0.5),
 }
 """Mean and standard deviation of each weight before any campaign. Chosen: evidence counts about as
 odds, each rule takes a factor of four, and the signs are those that the features mean."""

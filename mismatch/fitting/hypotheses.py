@@ -70,6 +70,7 @@ __all__ = [
     "left_by_forms",
     "left_by_uneven_losses",
     "null_threshold",
+    "price_of_weights",
     "scan_beyond_forms",
     "second_effect_share",
     "told_apart",
@@ -721,7 +722,7 @@ def fit_hypothesis(
     gain = (
         base.objective
         - fit.objective
-        - _price_of_weights(fit, added)
+        - price_of_weights(fit, added)
         - price_of_levels(forward, fit)
     )
     return Hypothesis(
@@ -851,7 +852,7 @@ def _lacking(forward: Forward, model: ForwardModel) -> tuple[str, ...]:
     return tuple(one for one in certain if one not in model.ids)
 
 
-def _price_of_weights(fit: Fit, added: Sequence[Effect]) -> float:
+def price_of_weights(fit: Fit, added: Sequence[Effect]) -> float:
     """What the evidence asks for weights that a prior holds: ln det of prior over posterior.
 
     What the baseline leaves open costs either the same; a shape has paid for its looks.

@@ -248,6 +248,26 @@ class Naming:
             h for h in alike if tuple(sorted(h.ids)) in credible or not told_apart(best, h)
         )
 
+    def best_without(self, identity: str) -> Hypothesis | None:
+        """The best allowed set of names, of any size, that does without one of them.
+
+        Forces without a name are compared with the whole answer: one may contain a named law.
+        """
+        others = [
+            h for h in self.tried if h.allowed and identity not in h.ids and not h.has_unnamed
+        ]
+        best = max(others, key=lambda h: h.penalised_gain, default=None)
+        return best if best is not None and best.penalised_gain > 0.0 else None
+
+    def height(self, h: Hypothesis) -> float:
+        """Evidence of a set over the baseline, averaged over the forms of its laws."""
+        family = self.families.get(tuple(sorted(h.ids)))
+        return h.penalised_gain if family is None else family.penalised_gain
+
+    def and_tried(self, more: Sequence[Hypothesis]) -> "Naming":
+        """The same with further sets among those that were tried."""
+        return replace(self, tried=_sorted([*self.tried, *more]))
+
     def with_likeliest(self) -> "Naming":
         """The same, its answer the best form of the set that all forms together make most probable.
 

@@ -1,0 +1,122 @@
+"""Compare names with errors that careful laboratories have in their inputs."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import chdtri
+
+from mismatch.candidates import Candidate
+from mismatch.fitting.fit import Fit
+from mismatch.fitting.hypotheses import (
+    MEMBER_PENALTY,
+    Hypothesis,
+    as_fitted,
+    fit_hypothesis,
+    price_of_weights,
+)
+from mismatch.fitting.prepare import Prepared
+from mismatch.fitting.stated import usual_inputs
+from mismatch.forward import Forward
+from mismatch.search.naming import Naming
+from physics.effects import Effect
+
+__all__ = ["PRIOR_COST", "BesideInputs", "beside_usual_inputs", "lead_of_inputs"]
+
+
+@dataclass(frozen=True)
+class BesideInputs:
+    """Sets of names next to usual errors of the inputs.
+
+    Attributes
+    ----------
+    sets : tuple of Hypothesis
+        Those errors alone, and next to the answer without each of its names; next to all of it
+        where they belong into every fit.
+    opened : Prepared or None
+        The baseline with these errors open, where one of the sets has more evidence than the
+        answer: then they belong into every fit.
+    """
+
+    sets: tuple[Hypothesis, ...]
+    opened: Prepared | None
+
+
+CHANCE = 0.01
+"""Probability with which inputs that are right gain as much next to an answer. Convention."""
+
+PRIOR_COST = 4.5
+"""Chi-square units by which errors of the inputs must be ahead of names, prior odds of nine to one
+that a set-up file is right where a law explains as much. Fitted: training/fit_inputs.py, careful
+laboratories against medium effects of the foreign worlds; insensitive between 3.4 and 5.5."""
+
+
+def beside_usual_inputs(prepared: Prepared, naming: Naming) -> BesideInputs:
+    """Fit usual errors of inputs and instruments in place of each name, and next to all.
+
+    Only strikes need it: free flights and free swings leave their instruments open from the start.
+    """
+    forward, best = prepared.forward, naming.best
+    if best is None or forward.mode != "impact":
+        return BesideInputs((), None)
+    instead = _in_place_of_names(prepared, naming, best)
+    inputs = instead[0].members[0].effect
+    both = _beside(forward, prepared.fit, best, inputs)
+    height = naming.height(best)
+    chance = float(chdtri(len(inputs.parameters), CHANCE)) * best.reduced_chi2
+    if max(map(_evidence, instead)) <= height and _evidence(both) <= height + chance:
+        return BesideInputs(instead, None)
+    told = replace(forward.baseline, instruments=(*forward.baseline.instruments, inputs))
+    opened = replace(prepared, forward=replace(forward, baseline=told), fit=instead[0].fit)
+    return BesideInputs((both, *instead), opened)
+
+
+def lead_of_inputs(prepared: Prepared, naming: Naming) -> float | None:
+    """Evidence of the inputs over the names that they stand in for, their prior odds left out."""
+    if naming.best is None or prepared.forward.mode != "impact":
+        return None
+    sets = _in_place_of_names(prepared, naming, naming.best)
+    return max(map(_evidence, sets)) + PRIOR_COST - naming.height(naming.best)
+
+
+def _in_place_of_names(
+    prepared: Prepared, naming: Naming, best: Hypothesis
+) -> tuple[Hypothesis, ...]:
+    """Errors of the inputs alone, and in place of each name next to the others.
+
+    One fault of an instrument is called by its name, however small it is. Several at once are what
+    a careful laboratory has.
+    """
+    forward, known = prepared.forward, prepared.forward.baseline.instruments
+    several = len(set(best.ids)) > 1
+    all_inputs = usual_inputs(known, () if several else best.ids)
+    others = [
+        max(fitting, key=lambda h: h.penalised_gain)
+        for name in dict.fromkeys(best.ids)
+        for left in (sorted(one for one in best.ids if one != name),)
+        for fitting in ([h for h in naming.tried if h.allowed and sorted(h.ids) == left],)
+        if left and fitting
+    ]
+    return (
+        _beside(forward, prepared.fit, None, all_inputs),
+        *(_beside(forward, prepared.fit, h, usual_inputs(known, h.ids)) for h in others),
+    )
+
+
+def _evidence(h: Hypothesis) -> float:
+    """Evidence of names next to inputs, which are no name."""
+    return h.penalised_gain + (MEMBER_PENALTY if len(h.members) > 1 else 0.0)
+
+
+def _beside(forward: Forward, base: Fit, found: Hypothesis | None, inputs: Effect) -> Hypothesis:
+    """A set of names and the errors of the inputs, fitted together.
+
+    Every laboratory has such errors: they cost what they are large, not that they are looked for.
+    """
+    members, strengths = ([], []) if found is None else as_fitted(found.members, found.fit)
+    start = None if found is None else found.fit
+    blank = Candidate(inputs, (), 1)
+    h = fit_hypothesis(
+        forward, base, [*members, blank], [*strengths, np.zeros(len(inputs.parameters))],
+        start=start,
+    )  # fmt: skip
+    return replace(h, gain=h.gain + price_of_weights(h.fit, [inputs]) - PRIOR_COST)
