@@ -777,9 +777,12 @@ def _own_like_noise(forward: Forward, best: Hypothesis) -> bool:
     """Whether a law's strengths of each trial are no larger than slow noise makes them.
 
     Noise with a memory bends each trial's path in its own direction, too. Strengths are judged by
-    their spread: spins of opposite signs have no mean, and each may be far from none.
+    their spread: spins of opposite signs have no mean, and each may be far from none. An instant
+    chosen in each trial is noise as long as choosing it gains more than what is left of it.
     """
     records = forward.records
+    if any(getattr(m.effect, "looks", 0.0) > best.penalised_gain for m in best.members):
+        return True
     return (records.remembers or not records.tell_memory) and any(
         member.effect.level is Level.TRIAL and _spread_seen(forward, best.fit, member.effect) < SEEN
         for member in best.members

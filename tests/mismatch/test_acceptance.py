@@ -23,8 +23,9 @@ from mismatch.fitting.prepare import prepare
 from mismatch.fitting.stated import stated_inputs
 from mismatch.forward import ForwardModel
 from mismatch.records import BallModel, Baseline, CampaignRecords, Trial
+from mismatch.sanity import DroppedInEach
 from mismatch.search.naming import Naming
-from mismatch.verdict import DOUBTED, Doubt, Passed, Prediction, _at_bound
+from mismatch.verdict import DOUBTED, Doubt, Passed, Prediction, _at_bound, _own_like_noise
 from physics.effects import CATALOGUE
 from tests.mismatch.synthetic import struck_campaign, thrown_campaign
 
@@ -223,3 +224,12 @@ def test_one_law_that_averages_two_is_tested_against_the_pair():
     assert other_sizes(naming, one) == (pair,)
     naming = Naming(one, (one, poor), 12.0, SimpleNamespace(candidates=()))
     assert other_sizes(naming, one) == ()
+
+
+def test_instants_chosen_in_each_trial_are_doubted_where_choosing_them_is_the_gain():
+    """A careful laboratory had dropped_frames 0.82: a twentieth of a frame in each trial."""
+    jump = DroppedInEach(instants=(0.1, 0.2, 0.1, 0.3), looks=100.0)
+    law = replace(_answer(("magnus",), 114.0), members=(Candidate(jump, (), 1),))
+    forward = SimpleNamespace(records=SimpleNamespace(remembers=False, tell_memory=True))
+    assert _own_like_noise(forward, law)
+    assert not _own_like_noise(forward, replace(law, gain=400.0))
