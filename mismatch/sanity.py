@@ -23,11 +23,13 @@ from mismatch.fitting.prepare import Prepared, prepare
 from mismatch.forward import Forward
 from mismatch.records import CampaignRecords, Trial
 from physics.domain import FloatArray, Number
-from physics.effects import CATALOGUE, Effect, Values
-from physics.effects.measurement import DroppedFrames
+from physics.effects import CATALOGUE, Effect, Level, Parameter, Values
+from physics.effects.measurement import DroppedFrames, TimeBase
 
 __all__ = [
+    "DriftingClock",
     "DroppedInEach",
+    "drifting_clock",
     "dropped_in_each",
     "fall_in_g",
     "keeps_time",
@@ -485,6 +487,49 @@ class DroppedInEach(DroppedFrames):
         """Jump once in each trial."""
         after = np.asarray(time, dtype=np.float64) - np.array(self.instants)[:, None]
         return np.asarray(time + values["gap"] * np.heaviside(after, 0.0))
+
+
+@dataclass(frozen=True)
+class DriftingClock(TimeBase):
+    """A capture rate that drifts over the trials of a campaign.
+
+    Attributes
+    ----------
+    orders : tuple of float
+        Place of each trial in the campaign, from -1/2 for the first to 1/2 for the last.
+    """
+
+    statement: str = "The camera's frame rate drifts over the trials."
+    parameters: tuple[Parameter, ...] = (
+        *TimeBase().parameters,
+        replace(
+            TimeBase().parameters[0], name="drift", lower=-0.5, upper=0.5, outliers=(),
+            meaning="change of the rate from the first trial to the last",
+        ),
+    )  # fmt: skip
+    form: str = "drifts over the trials"
+    levels: tuple[Level, ...] = (Level.CAMPAIGN,)
+    orders: tuple[float, ...] = ()
+
+    def of_trials(self, rows: NDArray[np.int64]) -> Effect:
+        """The clock in some trials alone, in order."""
+        return replace(self, orders=tuple(self.orders[int(row)] for row in rows))
+
+    def clock(self, values: Values, time: Number) -> Number:
+        """As a constant error, which changes from trial to trial."""
+        rate = values["rate_error"] + values["drift"] * np.array(self.orders)[:, None]
+        return time / (1.0 + rate)
+
+
+def drifting_clock(forward: Forward) -> tuple[Effect, ...]:
+    """The law for the trials of a campaign; none where too few of them show a drift."""
+    if forward.records.trials < MIN_DRIFTING:
+        return ()
+    return (DriftingClock(orders=tuple(float(one) for one in forward.records.order)),)
+
+
+MIN_DRIFTING = 4
+"""Trials from which a drift is more than two values: a line through three leaves one to spare."""
 
 
 def _since(forward: Forward, fit: Fit) -> FloatArray:

@@ -36,7 +36,7 @@ from mismatch.fitting.hypotheses import (
 )
 from mismatch.fitting.scan import Scan, robust_spread, scan
 from mismatch.forward import Forward
-from mismatch.sanity import dropped_in_each
+from mismatch.sanity import drifting_clock, dropped_in_each
 from mismatch.search.unnamed import SmoothCurve
 from physics.domain import FloatArray, Number, Vector
 from physics.effects import (
@@ -507,7 +507,7 @@ def name_effects(
     -------
     Naming
     """
-    jumps = _with_jumps(forward, base, effects)
+    jumps = _with_clocks(forward, base, effects)
     candidates = candidates_for(forward, base.model, jumps, unnamed=unnamed)
     first = scan(forward, base, candidates).with_likely_widths()
     candidates = first.candidates
@@ -681,10 +681,14 @@ def _with_ruler_or_clock(
     ]
 
 
-def _with_jumps(forward: Forward, fit: Fit, effects: Sequence[Effect]) -> list[Effect]:
-    """The effects, and frames dropped where each trial's residuals have their step."""
+def _with_clocks(forward: Forward, fit: Fit, effects: Sequence[Effect]) -> list[Effect]:
+    """The effects, with a clock that drifts and frames dropped at each trial's own step.
+
+    Each is a form of an effect that is asked for.
+    """
     jumps = dropped_in_each(forward, fit)
-    return [*effects] if jumps is None else [*effects, jumps]
+    clocks = drifting_clock(forward) if any(e.id == EffectId.TIME_BASE for e in effects) else ()
+    return [*effects, *clocks, *(() if jumps is None else (jumps,))]
 
 
 def _one_throw(forward: Forward) -> bool:
@@ -802,7 +806,7 @@ def _grow(
     for number, seed in enumerate(_one_per_id(seeds, 9 if size == 2 else 3)):
         if seed.penalised_gain < least:
             continue
-        more = _with_jumps(forward, seed.fit, effects)
+        more = _with_clocks(forward, seed.fit, effects)
         beside = _corrects(base, seed) or (swinging and number == 0 and not seed.has_unnamed)
         pool = candidates_for(forward, seed.fit.model, more, unnamed=beside)
         keys = {member.key for member in seed.members}

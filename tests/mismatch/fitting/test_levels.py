@@ -16,7 +16,7 @@ from mismatch.records import BallModel, Baseline, CampaignRecords, Trial
 from mismatch.verdict import Doubt, pass_gate
 from physics.effects import CATALOGUE, Effect, Level
 from physics.effects.base import Form
-from tests.mismatch.synthetic import struck_campaign
+from tests.mismatch.synthetic import struck_campaign, thrown_campaign
 
 GRAVITY = 9.80665
 DENSITY = 1.2
@@ -252,3 +252,18 @@ def test_the_variation_between_trials_is_estimated():
 def test_levels_are_declared_on_the_effect():
     assert {level.value for level in CATALOGUE["drag"][0].levels} == {"campaign", "ball"}
     assert all("trial" in {lv.value for lv in e.levels} for e in CATALOGUE["magnus"])
+
+
+def test_a_clock_that_drifts_over_the_throws_is_a_clock():
+    """A drifting clock was time_base 0.22: errors that wander had taken up what it bends."""
+    campaign, baseline = thrown_campaign()
+    rates = np.linspace(-0.02, 0.04, len(campaign.trials))
+    trials = tuple(
+        replace(trial, ball_time=trial.ball_time * (1.0 + rate))
+        for trial, rate in zip(campaign.trials, rates, strict=True)
+    )
+    verdict = explain(CampaignRecords(trials), baseline)
+    (clock,) = [effect for effect in verdict.effects if effect.id == "time_base"]
+    assert clock.probability > 0.5
+    found = {p.name: p.value for p in clock.parameters}
+    assert found["drift"] == pytest.approx(0.06, rel=0.15)
