@@ -68,7 +68,6 @@ def without_feature(tables: list[Table], name: str) -> list[Table]:
 
 
 LINKING: dict[str, tuple[str, Callable[..., Any]]] = {
-    "exchange of tails": ("_exchanged", lambda found, _known: found),
     "cuts of chains": ("_parts", lambda one, _known, _density: [one]),
     "joins over gaps": ("_joined", lambda found, _known, _density: found),
     "limit of a jump": ("_beyond_reach", lambda frame, *_: np.zeros(len(frame), dtype=np.bool_)),
@@ -105,6 +104,11 @@ STEPS: dict[str, tuple[Any, str, Callable[..., Any]]] = {
         following,
         "with_small",
         lambda _: lambda _scene, seen: seen,
+    ),
+    "beyond the outlines by appearance": (
+        following,
+        "extended_by_appearance",
+        lambda _: lambda _scene, found: found,
     ),
     "scene behind the object at rest": (following, "_uncover", lambda _: lambda *_given: None),
     "outlines in the object's colour": (following, "_fit", _no_colour),

@@ -183,51 +183,9 @@ def link(
             alive &= ~_explained(seen, rows)
         if not chains:
             break
-    found = _exchanged(found, known)
     found = [part for one in found for part in _parts(one, known, density)]
     found = _joined(found, known, density)
     return sorted(found, key=lambda one: -one.log_odds)[:_MAX_TRACKLETS]
-
-
-def _exchanged(found: list[Tracklet], known: LinkParameters) -> list[Tracklet]:
-    """Exchange the tails of two alike chains where both turn less that way.
-
-    Of two balls that meet, the first chain found runs on through the other.
-    """
-    chains = list(found)
-    for place in range(len(chains)):
-        for other in range(place + 1, len(chains)):
-            one, two = chains[place], chains[other]
-            if abs(math.log(one.radius / two.radius)) > 4.0 * known.log_radius:
-                continue
-            frame = _exchange_after(one, two, known)
-            if frame is not None:
-                chains[place], chains[other] = (
-                    head.where(head.frame <= frame).then(tail.where(tail.frame > frame))
-                    for head, tail in ((one, two), (two, one))
-                )
-    return chains
-
-
-def _exchange_after(one: Tracklet, two: Tracklet, known: LinkParameters) -> int | None:
-    """The frame after which an exchange of tails is most worth; None where none is."""
-    common, first, second = np.intersect1d(one.frame, two.frame, return_indices=True)
-    if len(common) < 4:
-        return None
-    here, there = one.centre_px[first], two.centre_px[second]
-    time = common.astype(np.float64)
-    size = 0.5 * (one.radius + two.radius)
-
-    def turns(place: FloatArray, later: FloatArray) -> FloatArray:
-        """Log density of the two changes of velocity about a step to the places of a chain."""
-        before = np.stack([place[:-3], place[1:-2], later[2:-1]])
-        after = np.stack([place[1:-2], later[2:-1], later[3:]])
-        when = np.stack([time[:-3], time[1:-2], time[2:-1], time[3:]])
-        return _turns(before, when[:3], size, known) + _turns(after, when[1:], size, known)
-
-    gain = turns(here, there) + turns(there, here) - turns(here, here) - turns(there, there)
-    best = int(np.argmax(gain))
-    return int(common[best + 1]) if gain[best] > 0.0 else None
 
 
 def _turns(place: FloatArray, time: FloatArray, size: float, known: LinkParameters) -> FloatArray:

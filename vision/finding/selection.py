@@ -18,23 +18,26 @@ from vision.finding.detection import Detections
 from vision.finding.linking import Tracklet
 from vision.tracks import PlaceInClip
 
-__all__ = ["FEATURES", "FoundObjects", "Selection", "select", "tracklet_features"]
+__all__ = [
+    "FEATURES",
+    "FoundObjects",
+    "Selection",
+    "comes_to",
+    "select",
+    "tracklet_features",
+]
 
 FloatArray = NDArray[np.float64]
 
 FEATURES = (
-    "log_odds",
-    "coverage",
     "sharpness",
     "radius",
     "travel",
     "moving",
-    "roughness",
-    "inside",
-    "shadow",
     "share",
     "contrast",
     "rest",
+    "met",
 )
 """Features of a tracklet, in the order of the weights."""
 
@@ -118,15 +121,6 @@ def _weights() -> FloatArray:
     return np.array([values[name]["value"] for name in (*FEATURES, "some")])
 
 
-def _smooth_residual(tracklet: Tracklet) -> FloatArray:
-    """Distance of each row from the middle of its neighbours, radii."""
-    frame, centre = tracklet.frame.astype(np.float64), tracklet.centre_px
-    before, after = frame[1:-1] - frame[:-2], frame[2:] - frame[1:-1]
-    share = (before / (before + after))[:, None]
-    middle = centre[:-2] + share * (centre[2:] - centre[:-2])
-    return np.asarray(np.hypot(*(centre[1:-1] - middle).T) / tracklet.radius)
-
-
 def tracklet_features(
     tracklets: list[Tracklet], searched: int, shape: tuple[int, int]
 ) -> FloatArray:
@@ -150,36 +144,76 @@ def tracklet_features(
         seen, radius = one.seen, one.radius
         step = np.hypot(*np.diff(one.centre_px, axis=0).T) / radius
         span = np.hypot(*np.ptp(one.centre_px, axis=0)) / radius
-        dims = np.median(seen.light) < 1.0
-        even = np.log(max(float(np.median(seen.evenness)), 1.0))
         rows.append(
             [
-                np.log(max(one.log_odds, 1.0)),
-                float(np.median(seen.coverage)),
                 np.log(max(float(np.median(seen.sharpness)), 1.0)),
                 np.log(radius / shape[0]),
                 np.log(0.1 + span),
                 float(np.mean(step > _MOVES_RADII)),
-                np.log(0.01 + float(np.quantile(_smooth_residual(one), 0.75))),
-                _inside(one, tracklets),
-                max(3.0 - even, 0.0) if dims else 0.0,
                 np.log(len(one) / searched),
                 np.log(1.0 + float(np.median(np.abs(seen.contrast).max(axis=1)))),
                 _rest_share(one),
+                _met(one, tracklets),
             ]
         )
     return np.array(rows, dtype=np.float64).reshape(-1, len(FEATURES))
 
 
-def _rest_share(tracklet: Tracklet) -> float:
-    """Share of the rows before it leaves its first place, where it goes on by more than that."""
+def _left(tracklet: Tracklet) -> int:
+    """Rows before it leaves its first place, where it goes on by more than a radius; else 0."""
     first = np.median(tracklet.centre_px[:_FIRST_ROWS], axis=0)
     away = np.hypot(*(tracklet.centre_px - first).T) / tracklet.radius
     near = np.flatnonzero(away < _LEAVES_RADII)
     if len(near) < _FIRST_ROWS or away[near[-1] :].max() < 1.0:
-        return 0.0
-    return float((near[-1] + 1) / len(tracklet))
+        return 0
+    return int(near[-1]) + 1
 
+
+def _rest_share(tracklet: Tracklet) -> float:
+    """Share of the rows before it leaves its first place."""
+    return _left(tracklet) / len(tracklet)
+
+
+def _met(one: Tracklet, tracklets: list[Tracklet]) -> float:
+    """Whether another of its size comes to it as it leaves its first place."""
+    rows = _left(one)
+    if rows == 0:
+        return 0.0
+    place, last = np.median(one.centre_px[:_FIRST_ROWS], axis=0), int(one.frame[rows - 1])
+    others = (other for other in tracklets if other is not one)
+    return float(any(comes_to(other, place, one.radius, last) for other in others))
+
+
+def comes_to(other: Tracklet, place: FloatArray, radius: float, last: int) -> bool:
+    """Whether an object comes to another of its size at rest and is beside it as that leaves.
+
+    Parameters
+    ----------
+    other : Tracklet
+        What may come.
+    place : (2,) array
+        Of the object at rest, px.
+    radius : float
+        Of the object at rest, px.
+    last : int
+        Its last frame of rest.
+
+    Returns
+    -------
+    bool
+    """
+    near, before = np.abs(other.frame - last), other.frame < last
+    if min(radius / other.radius, other.radius / radius) < _ALIKE:
+        return False
+    if near.min() > _FIRST_ROWS or np.count_nonzero(before) < _FIRST_ROWS:
+        return False
+    away = np.hypot(*(other.centre_px - place).T) / (radius + other.radius)
+    gap = float(away[np.argmin(near)])
+    return bool(0.5 < gap < 1.5 and away[before].max() > gap + 0.5)
+
+
+_ALIKE = 0.6
+"""Ratio of radii from which two objects are of a size. Convention: a striker's head is another."""
 
 _FIRST_ROWS, _LEAVES_RADII = 3, 0.3
 """Rows whose median is the first place (derived: fewer exclude no outlier); radii from which an
@@ -188,21 +222,6 @@ object has left it (derived: six times the scatter of centres found by votes).""
 _MOVES_RADII = 0.05
 """Radii between detections from which one moves. Derived: centres found by votes scatter by that
 much."""
-
-
-def _inside(one: Tracklet, tracklets: list[Tracklet]) -> float:
-    """Largest share of the rows in which it lies within another larger one: a panel, a spot."""
-    most = 0.0
-    for other in tracklets:
-        if other is one or other.radius < 1.2 * one.radius:
-            continue
-        _, own, theirs = np.intersect1d(one.frame, other.frame, return_indices=True)
-        if len(own) == 0:
-            continue
-        away = np.hypot(*(one.centre_px[own] - other.centre_px[theirs]).T)
-        within = np.count_nonzero(away < other.seen.radius_px[theirs]) / len(one)
-        most = max(most, within * float(np.median(other.seen.coverage)))
-    return most
 
 
 def select(tracklets: list[Tracklet], searched: int, shape: tuple[int, int]) -> Selection:

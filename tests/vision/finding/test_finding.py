@@ -16,7 +16,7 @@ from tests.vision.ball.painted import (
 from vision.clip.footage import Footage
 from vision.finding.detection import Detections, detect, searched_frames
 from vision.finding.linking import Tracklet, link
-from vision.finding.selection import select
+from vision.finding.selection import FEATURES, select, tracklet_features
 from vision.scene import FilmedScene
 
 HEIGHT, WIDTH = 140, 260
@@ -141,6 +141,24 @@ def test_the_ball_is_selected_before_its_shadow() -> None:
     best: Tracklet = found[int(chosen.order[0])]
     assert np.median(np.hypot(*(best.centre_px - places[best.frame]).T)) < 1.5
     assert chosen.probability.sum() + chosen.none == pytest.approx(1.0)
+
+
+def test_of_two_alike_bodies_that_collide_the_one_at_rest_is_selected() -> None:
+    rest, time = np.array([120.0, 60.0]), np.arange(60)
+    # it rolls on more slowly after it struck the other, which leaves
+    came = np.minimum(2.0 * time, 98.0 - 0.3 * 49.0 + 0.3 * time)
+    striker = np.column_stack([3.0 + came, np.full(60, 60.0)])
+    target = rest + np.column_stack([1.7 * np.maximum(time - 49.0, 0.0), np.zeros(60)])
+    parts = [_detections(list(range(60)), places, 9.0) for places in (striker, target)]
+    found = link(_mixed(parts), np.arange(60), (HEIGHT, WIDTH))
+    chosen = found[int(select(found, 60, (HEIGHT, WIDTH)).order[0])]
+    assert np.hypot(*(chosen.centre_px[0] - rest)) < 1.0
+    alone = [one for one in found if one is not chosen]
+    met = FEATURES.index("met")
+    both = tracklet_features([chosen, *alone], 60, (HEIGHT, WIDTH))
+    assert both[0, met] == 1.0
+    assert not both[1:, met].any()
+    assert tracklet_features([chosen], 60, (HEIGHT, WIDTH))[0, met] == 0.0
 
 
 def test_a_table_that_was_corrected_by_hand_is_refined() -> None:
