@@ -480,10 +480,7 @@ def find_rest(frame: IntArray, centre: FloatArray, radius: float) -> Rest | None
         return None
     resting = _latest_rest(centre, departure)
     place = np.median(resting, axis=0)
-    scatter = 1.4826 * np.median(np.hypot(*(resting - place).T))
-    tolerance = max(4.0 * float(scatter), 0.003 * radius + 0.05)
-    still = np.hypot(*(centre[:departure] - place).T) <= tolerance
-    last = int(np.nonzero(still)[0][-1]) if np.any(still) else departure - 1
+    last = _last_still(frame, centre - place, departure)
     after = slice(departure, min(departure + 12, len(frame)))
     if after.stop - after.start < 2:
         return None
@@ -493,6 +490,30 @@ def find_rest(frame: IntArray, centre: FloatArray, radius: float) -> Rest | None
     if length < 1e-6:
         return None
     return Rest(int(frame[0]), int(frame[last]), place, run / length, length / elapsed)
+
+
+def _last_still(frame: IntArray, away: FloatArray, departure: int) -> int:
+    """Row of the last frame of rest: a push that lasts for some frames begins there.
+
+    It is the beginning and the duration of a uniform acceleration, after which the ball goes on
+    evenly, for which the squares about it are least.
+    """
+    near = slice(max(departure - _PUSH_ROWS, 0), departure + _PUSH_ROWS)
+    time, place = frame[near].astype(np.float64), away[near]
+    rows = np.arange(near.start, departure)
+    since = np.maximum(time - frame[rows][:, None], 0.0)[:, None]
+    lasts = _PUSH_FRAMES[None, :, None]
+    path = np.where(since < lasts, since**2 / (2.0 * lasts), since - 0.5 * lasts)
+    # of squares about a path along its velocity, what the velocity explains is missing
+    explained = np.sum((path @ place) ** 2, axis=2) / np.maximum((path**2).sum(axis=2), 1e-12)
+    return int(rows[np.unravel_index(np.argmax(explained), explained.shape)[0]])
+
+
+_PUSH_ROWS = 24
+"""Rows before and after the departure that are compared. Convention: contact and some flight."""
+
+_PUSH_FRAMES = np.append(1e-3, np.geomspace(1.0, 32.0, 11))
+"""Durations of a push that are tried, frames: a blow, and steps of a half. Convention."""
 
 
 def _settled(centre: FloatArray, departure: int, radius: float) -> int | None:

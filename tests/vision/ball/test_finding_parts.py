@@ -191,3 +191,22 @@ def test_a_slow_ball_that_leaves_has_not_hopped() -> None:
     assert rest is not None
     assert rest.first == 0
     assert 97 <= rest.last <= 102
+
+
+@pytest.mark.parametrize("lasts", [1.0, 5.0, 12.0])
+@pytest.mark.parametrize("noise", [0.02, 0.3])
+def test_a_rest_ends_where_the_push_begins(lasts: float, noise: float) -> None:
+    rng, frame, late = np.random.default_rng(8), np.arange(90), []
+    for _ in range(20):
+        begins = rng.uniform(40.0, 44.0)
+        since = np.maximum(frame - begins, 0.0)
+        # contact force of half a sine
+        phase = np.minimum(since / lasts, 1.0) * np.pi
+        way = 0.5 * lasts * (phase - np.sin(phase)) / np.pi + np.maximum(since - lasts, 0.0)
+        centre = np.column_stack([50.0 + 2.4 * way, 20.0 - 0.5 * way])
+        rest = find_rest(frame, centre + rng.normal(0.0, noise, centre.shape), 9.0)
+        assert rest is not None
+        late.append(rest.last - begins)
+    # no force to speak of acts in the first part of the contact
+    assert -1.5 < np.mean(late) < 0.5 + 0.2 * lasts + 3.0 * noise
+    assert np.std(late) < 0.5 + 0.05 * lasts + 2.0 * noise
