@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology import NotFoundError
+from vision.ball.appearance import extended_by_appearance
 from vision.ball.ball import BallFits, follow_ball, outlines_near, trusted_rows
-from vision.ball.outline import joined
 from vision.ball.path import BallPath
 from vision.ball.refine import refine_ball
 from vision.clip.footage import Footage
 from vision.finding.detection import detect, searched_frames, with_small
 from vision.finding.linking import MIN_FOUND_ROWS, Tracklet, link
-from vision.finding.selection import FoundObjects, select
+from vision.finding.selection import FoundObjects, comes_to, select
 from vision.lost import LostFrames, lost_frames
 from vision.motions.motion import interpret_tracks
 from vision.pendulum.face import Striking
@@ -314,6 +314,7 @@ def _followed_in(
     picture, rough = _fit(scene, path, np.median(found.ball.seen.contrast, axis=0))
     if len(rough) < MIN_FOUND_ROWS:
         raise _no_ball(ball_at)
+    rough = extended_by_appearance(picture, rough)
     _tell(progress, 0.6)
     rest = find_rest(rough.frame, rough.centre, float(np.median(rough.radius)))
     striker = None
@@ -376,17 +377,20 @@ def _with_gaps(scene: FilmedScene, fits: BallFits) -> BallFits:
         [np.interp(missed, fits.frame, fits.centre[:, axis]) for axis in (0, 1)]
     )
     more = BallFits(missed, outlines_near(scene, float(np.median(fits.radius)), missed, guess))
-    more = more.at(more.fits.found)
-    order = np.argsort(np.concatenate([fits.frame, more.frame]), kind="stable")
-    frame = np.concatenate([fits.frame, more.frame])
-    return BallFits(frame, joined([fits.fits, more.fits])).at(order)
+    return fits.together(more.at(more.fits.found))
 
 
 def _striker(scene: FilmedScene, rest: Rest, rough: BallFits, at: Point | None) -> Striker | None:
-    """What struck the ball, in gray; else against the first frames, in colour, and if small."""
-    found = find_striker(scene, rest, rough, at)
-    if found is not None and found.surely_struck:
-        return found
+    """What struck the ball, in gray; else against the first frames, in colour, and if small.
+
+    The last frame of rest is known to a frame or so.
+    """
+    found = None
+    for last in (rest.last, rest.last - 1, rest.last + 1):
+        other = find_striker(scene, replace(rest, last=last), rough, at)
+        if other is not None and other.surely_struck:
+            return other
+        found = found or other
     begun = scene.as_it_began()
     other = None if begun is None else find_striker(begun, rest, rough, at)
     if other is not None and other.surely_struck:
@@ -487,19 +491,8 @@ def _pendulum(striker: Striker | None, rest: Rest | None, fps: float) -> Pendulu
 def _came(found: FoundObjects, rest: Rest) -> Tracklet | None:
     """The other tracklet that came to the one at rest and met it as it left, if there is one."""
     size = found.ball.radius
-    for other in found.rivals:
-        near = np.abs(other.frame - rest.last)
-        if near.min() > 2 or not 0.6 < other.radius / size < 1.7:
-            continue
-        at = int(np.argmin(near))
-        gap = float(np.hypot(*(other.centre_px[at] - rest.centre_px)))
-        before = other.frame <= rest.last
-        if gap > 1.6 * (size + other.radius) or np.count_nonzero(before) < MIN_FOUND_ROWS:
-            continue
-        away = np.hypot(*(other.centre_px[before] - rest.centre_px).T)
-        if away.max() - gap > size and away.min() > 0.6 * (size + other.radius):
-            return other
-    return None
+    came = (one for one in found.rivals if comes_to(one, rest.centre_px, size, rest.last))
+    return next(came, None)
 
 
 def _came_straight(came: Tracklet, rest: Rest, striker: Striker) -> bool:

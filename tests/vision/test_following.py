@@ -361,9 +361,6 @@ def test_a_small_ball_in_a_padded_picture_is_followed_and_not_its_clearer_shadow
     assert np.median(np.hypot(*off.T)) < 0.3
 
 
-@pytest.mark.xfail(
-    reason="altered, the collision of pucks is a roll at 0.47: what met it is not recognised"
-)
 def test_a_puck_that_came_straight_is_no_pendulum_though_a_hand_bends_its_way(
     tmp_path: Path,
 ) -> None:

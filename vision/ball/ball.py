@@ -468,13 +468,13 @@ class BallFits:
         Frame indices.
     fits : OutlineFits
         One row per frame, in scene coordinates.
-    swept : frozenset of int
-        Frames in which it is smeared so much that its area was fitted and not its outline.
+    unrefined : frozenset of int
+        Frames without an outline: smeared, so that its area was fitted, or found by its looks.
     """
 
     frame: IntArray
     fits: OutlineFits
-    swept: frozenset[int] = frozenset()
+    unrefined: frozenset[int] = frozenset()
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -492,6 +492,13 @@ class BallFits:
     def at(self, places: IntArray | BoolArray) -> "BallFits":
         """Some of the rows."""
         return replace(self, frame=self.frame[places], fits=self.fits.at(places))
+
+    def together(self, other: "BallFits") -> "BallFits":
+        """Rows of both in time order."""
+        frame = np.concatenate([self.frame, other.frame])
+        order = np.argsort(frame, kind="stable")
+        fits = joined([self.fits, other.fits]).at(order)
+        return BallFits(frame[order], fits, self.unrefined | other.unrefined)
 
 
 def follow_ball(scene: FilmedScene, path: BallPath) -> BallFits:
@@ -874,10 +881,7 @@ def _gaps_filled(search: "_Search", found: BallFits, inside: IntArray) -> BallFi
         [np.interp(missing, found.frame, found.centre[:, axis]) for axis in (0, 1)]
     )
     fits = search.run(missing, guess, np.zeros(len(missing), dtype=bool), afar=True)
-    more = BallFits(missing, fits).at(fits.found)
-    order = np.argsort(np.concatenate([found.frame, more.frame]), kind="stable")
-    every = BallFits(np.concatenate([found.frame, more.frame]), joined([found.fits, more.fits]))
-    every = every.at(order)
+    every = found.together(BallFits(missing, fits).at(fits.found))
     return every.at(_plausible(every, search.radius))
 
 
