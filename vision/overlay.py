@@ -165,6 +165,7 @@ class OverlayPainter:
         self._size = int(np.clip(self._picture[0] / 56, 13, 30))
         self._thick = max(1, round(self._picture[0] / 640))
         self._strip = self._make_strip()
+        self._shift = np.zeros(2)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -190,6 +191,8 @@ class OverlayPainter:
         canvas = np.zeros((*self.shape, 3), np.uint8)
         view = canvas[: self._picture[1], : self._picture[0]]
         view[:] = cv2.resize(picture, self._picture, interpolation=cv2.INTER_CUBIC)
+        if self._tracks.shift_px is not None:
+            self._shift = self._tracks.shift_px[index]
         self._draw_grid(view)
         if self._tracks.pendulum is not None:
             self._draw_pendulum(view, index, self._tracks.pendulum)
@@ -239,8 +242,9 @@ class OverlayPainter:
         write_text(strip, "   ".join(parts), (self._size, self._size // 2), self._size, _DIM_TEXT)
 
     def _place(self, points: FloatArray) -> NDArray[np.int32]:
-        """Clip pixels to canvas pixels in fixed point; pixel centres are at integers in both."""
-        enlarged = (np.asarray(points, np.float64) + 0.5) * self.scale - 0.5
+        """Scene to canvas pixels in fixed point; pixel centres are at integers in both."""
+        shifted = np.asarray(points, np.float64) + self._shift
+        enlarged = (shifted + 0.5) * self.scale - 0.5
         return np.round(enlarged * (1 << _DRAWING_BITS)).astype(np.int32)
 
     def _circle(

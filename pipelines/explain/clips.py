@@ -38,6 +38,7 @@ from physics.effects.measurement import (
     WanderingMass,
 )
 from pipelines.explain.tabular import numbers_of, read_sheet
+from pipelines.measure.measurement import steady_px
 from pipelines.setup.file import Setup
 
 if TYPE_CHECKING:
@@ -152,7 +153,7 @@ def _departure_time(ball: pd.DataFrame) -> float | None:
     """Time at which the ball leaves its rest position, s; None if it is never at rest."""
     if len(ball) < MIN_FLIGHT_ROWS:
         return None
-    position = ball[["x_px", "y_px"]].to_numpy(float)
+    position = steady_px(ball)
     still = position[:MIN_REST_ROWS]
     spread = np.median(np.abs(np.diff(position, n=2, axis=0)), axis=0) / (0.6745 * np.sqrt(6.0))
     away = np.abs(position - np.median(still, axis=0)).max(axis=1)
@@ -166,8 +167,8 @@ def _departure_time(ball: pd.DataFrame) -> float | None:
 
 def _clear(ball: pd.DataFrame, left: float) -> NDArray[np.bool_]:
     """Rows in which the ball is more than its radius from rest: contact has ended by then."""
-    rest = ball.loc[ball["t_s"] < left, ["x_px", "y_px"]].median()
-    away = np.hypot(ball["x_px"] - rest["x_px"], ball["y_px"] - rest["y_px"])
+    position, before = steady_px(ball), (ball["t_s"] < left).to_numpy()
+    away = np.hypot(*(position - np.nanmedian(position[before], axis=0)).T)
     reach = ball["radius_px"].median() if "radius_px" in ball else 0.0
     return np.asarray((ball["t_s"] >= left) & (away > (0.0 if np.isnan(reach) else reach)))
 

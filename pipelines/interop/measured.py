@@ -39,7 +39,7 @@ from pipelines.measure.chain import (
     measurement_of,
 )
 from pipelines.measure.inputs import Inputs, gather_inputs
-from pipelines.measure.measurement import ClipMeasurement, tracks_as_frame
+from pipelines.measure.measurement import ClipMeasurement, steady_px, tracks_as_frame
 from pipelines.measure.metres import centre_of_arc
 from pipelines.setup.file import load_setup
 from pipelines.terminal import screen
@@ -88,7 +88,7 @@ def external_of(measured: ClipMeasurement, path: Path, clip: Path | None) -> Ext
     ball = table[table["object"] == "ball"].dropna(subset=["x_m", "y_m"])
     plane = None
     if len(ball) >= _MIN_TRACK_ROWS:
-        plane = _plane(ball[["x_px", "y_px"]].to_numpy(float), ball[["x_m", "y_m"]].to_numpy(float))
+        plane = _plane(steady_px(ball), ball[["x_m", "y_m"]].to_numpy(float))
     named = None
     if clip is not None:
         named = Path(os.path.relpath(clip.resolve(), path.resolve().parent)).as_posix()

@@ -33,6 +33,7 @@ from pipelines.interop.external import (
 )
 from pipelines.interop.headers import find_header, positions_of, read_clock, time_column
 from pipelines.interop.projects import CORNER_PX
+from pipelines.measure.measurement import CAMERA_COLUMNS
 from pipelines.terminal import screen
 
 __all__ = [
@@ -864,6 +865,8 @@ def _own(table: pd.DataFrame, path: Path) -> ExternalTracks:
         if "radius_px" in rows:
             extra["radius_px"] = _values(rows, "radius_px")
         place = np.column_stack([_values(rows, "x_px"), _values(rows, "y_px")])
+        if set(CAMERA_COLUMNS) <= set(rows.columns):
+            place -= np.column_stack([_values(rows, name) for name in CAMERA_COLUMNS])
         tracks.append(_track(str(name), place, _values(rows, "frame"), _values(rows, "t_s"), extra))
     return _found(path, Program.IMPACT_VISION, tracks)
 

@@ -30,6 +30,7 @@ __all__ = [
     "ClipMeasurement",
     "alternative_kinds",
     "motion_warning",
+    "steady_px",
     "track_covariance",
     "tracks_as_csv",
     "tracks_as_frame",
@@ -140,11 +141,17 @@ TRACK_COLUMNS = (
     "x_m", "y_m", "x_m_std", "y_m_std", "radius_px", "phi_rad", "phi_rad_std", "phi_zero_std",
 )  # fmt: skip
 
+CAMERA_COLUMNS = ("camera_x_px", "camera_y_px")
+"""Columns of a hand-held camera's clip: by how much the picture is shifted in a frame, px."""
+
 _HALF_PX = 0.5
 
 
 def tracks_as_frame(measured: ClipMeasurement) -> "pd.DataFrame":
     """All tracks, one row per object and frame; the columns are `TRACK_COLUMNS`.
+
+    `x_px` and `y_px` are the place in the frame. Of a hand-held camera `CAMERA_COLUMNS` follow,
+    which `steady_px` takes away; the metres are of the steady scene.
 
     `x_m` is to the right along the wall, `y_m` up; `phi_rad` is 0 at the lowest point of the
     swing, positive towards the ball. Empty where no scale, or no angle, is known. The standard
@@ -164,7 +171,21 @@ def tracks_as_frame(measured: ClipMeasurement) -> "pd.DataFrame":
         parts.append(part)
     kept = [part for part in parts if len(part)] or parts[:1]
     table = pd.concat(kept, ignore_index=True).reindex(columns=list(TRACK_COLUMNS))
-    return table.astype(dict.fromkeys(("phi_rad", "phi_rad_std", "phi_zero_std"), float))
+    table = table.astype(dict.fromkeys(("phi_rad", "phi_rad_std", "phi_zero_std"), float))
+    shift = measured.tracks.shift_px
+    if shift is not None:
+        for axis, name in enumerate(CAMERA_COLUMNS):
+            table[name] = shift[table["frame"].to_numpy(np.int64), axis]
+            table[TRACK_COLUMNS[3 + axis]] += table[name]
+    return table
+
+
+def steady_px(table: "pd.DataFrame") -> FloatArray:
+    """Places of a track table as a camera that stands still sees them (N, 2), px."""
+    place = table[["x_px", "y_px"]].to_numpy(np.float64)
+    if set(CAMERA_COLUMNS) <= set(table.columns):
+        place = place - table[list(CAMERA_COLUMNS)].to_numpy(np.float64)
+    return place
 
 
 def tracks_as_csv(measured: ClipMeasurement) -> str:

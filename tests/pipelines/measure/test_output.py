@@ -1,13 +1,20 @@
 """Rows for spreadsheets, and what a report tells of what was seen."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from metrology import Quantity
+from pipelines.interop.measured import read_tracks
 from pipelines.measure.files import measurement_as_dict, report_input, without_formulas
-from pipelines.measure.measurement import ClipMeasurement, motion_warning
+from pipelines.measure.measurement import (
+    ClipMeasurement,
+    motion_warning,
+    steady_px,
+    tracks_as_frame,
+)
 from vision.clip.footage import CaptureRate, RateSource
 from vision.clip.picture import ClipInfo
 from vision.tracks import FollowedObject, Motion, MotionKind, MotionModel, Track, Tracks
@@ -63,6 +70,30 @@ def test_the_report_tells_what_was_seen_why_and_how_to_point_at_another() -> Non
     assert told["ball_2"].endswith("It is less clear. If this is the ball: --ball-at 102,30,12.")
     assert told["also moves"].startswith("shadow of another object. It only dims.")
     assert measurement_as_dict(measured)["others"][0]["ball_at"] == [102, 30, 12]
+
+
+def test_places_of_a_hand_held_camera_are_those_in_the_frame(tmp_path: Path) -> None:
+    info = ClipInfo(
+        Path("a.mp4"), "0", 300, 60, 20, "h264", 30.0, True, 0.7, 0, "progressive", 8, None, False
+    )
+    rate = CaptureRate(30.0, 0.1, RateSource.OPTION)
+    missing = Quantity.missing("gravity_check", "m/s^2", "none")
+    shift = np.column_stack([np.sin(np.arange(20.0)), 2.0 * np.cos(np.arange(20.0))])
+    still = seen_twice()
+    shaken = replace(still, shift_px=shift)
+    one, other = (
+        ClipMeasurement(info, rate, (), (), missing, (), (), tracks, None, None, None)
+        for tracks in (still, shaken)
+    )
+    rows, plain = tracks_as_frame(other), tracks_as_frame(one)
+    off = rows[["x_px", "y_px"]].to_numpy() - plain[["x_px", "y_px"]].to_numpy()
+    np.testing.assert_allclose(off, shift[plain["frame"]])
+    assert list(plain.columns) == list(rows.columns[: len(plain.columns)])
+    # read again, the camera's motion is taken away
+    rows.to_csv(tmp_path / "tracks.csv", index=False)
+    (ball, *_) = read_tracks(tmp_path / "tracks.csv").tracks
+    np.testing.assert_allclose(ball.px, still.ball.centre_px)
+    np.testing.assert_allclose(steady_px(rows), plain[["x_px", "y_px"]].to_numpy())
 
 
 def test_numbers_of_a_kind_of_motion_in_doubt_come_with_a_proviso() -> None:

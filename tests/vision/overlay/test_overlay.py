@@ -59,6 +59,18 @@ def near(image, colour, x, y, scale, reach=3):
     return bool((np.abs(window.astype(int) - colour).max(axis=2) < 12).any())
 
 
+def test_of_a_hand_held_camera_all_is_drawn_where_it_is_in_the_frame(clip, tracks):
+    shift = np.column_stack([np.arange(COUNT), -2.0 * np.arange(COUNT)])
+    shaken = replace(tracks, shift_px=shift)
+    image = overlay_still(clip, shaken, frame=4)
+    scale = image.shape[1] // WIDTH
+    x, y = tracks.ball.centre_px[4] + shift[4]
+    assert near(image, BALL, x, y - 14.0, scale)
+    still = overlay_still(clip, tracks, frame=4)
+    assert near(still, BALL, x - shift[4, 0], y - shift[4, 1] - 14.0, scale)
+    assert not near(still, BALL, x, y - 14.0, scale)
+
+
 def test_marks_stand_where_things_are(clip, tracks):
     marks = OverlayMarks(
         contact=(2, 4), grid_px=np.array([[140.0, 10.0]]), captions=("COR 0.7 ± 0.1",)
