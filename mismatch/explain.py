@@ -29,6 +29,11 @@ from mismatch.fitting.hypotheses import LOOSE_LAWS, POOR_FIT, SURELY, Hypothesis
 from mismatch.fitting.prepare import Prepared, prepare, with_slow_noise
 from mismatch.fitting.reading import NOTEWORTHY
 from mismatch.fitting.scan import own_values, robust_spread, scan
+from mismatch.fitting.settings import (
+    shared_by_repeats,
+    sizes_in_words,
+    with_shared_by_repeats,
+)
 from mismatch.fitting.stated import USUAL_INPUTS
 from mismatch.fitting.wandering import wandering_errors
 from mismatch.forward import OUTSIDE, Forward
@@ -202,6 +207,9 @@ def _searched_as_stated(
     slow = None if found.best is None else with_slow_noise(prepared, _beside(prepared, found.best))
     if slow is not None:
         return _searched_as_stated(slow, effects, most)
+    settings = _among_settings_that_differ(prepared, found)
+    if settings is not None:
+        return _searched_as_stated(settings, effects, most)
     wandering = _among_wandering_errors(prepared, found)
     if wandering is not None:
         told = name_effects(wandering.forward, wandering.fit, effects, most=most)
@@ -261,6 +269,22 @@ def _among_wandering_errors(prepared: Prepared, found: Naming) -> Prepared | Non
     start = (base.nuisance, base.law_offsets)
     fit = fit_model(wandering, base.model, base.free, start)
     return replace(prepared, forward=wandering, fit=fit)
+
+
+def _among_settings_that_differ(prepared: Prepared, found: Naming) -> Prepared | None:
+    """The baseline with an offset of each setting, where repeats share more than the model gives.
+
+    What settings differ by next to the answer is compared with what they differ by without it.
+    """
+    forward, base = prepared.forward, prepared.fit
+    if forward.at_setting:
+        return None
+    shared, best = shared_by_repeats(forward, base), found.best
+    if best is not None:
+        beside = shared_by_repeats(forward, best.fit)
+        if best.penalised_gain + beside.gain > shared.gain + found.threshold:
+            shared = beside
+    return with_shared_by_repeats(prepared, shared) if shared.gain > SIGNIFICANT else None
 
 
 def _of_each_trial(effect: Effect) -> bool:
@@ -528,6 +552,7 @@ def _verdict(campaign: CampaignRecords, prepared: Prepared, tested: _Tested) -> 
         (
             *campaign.notes,
             *noise_notes(campaign, prepared),
+            *sizes_in_words(forward),
             *_floating_notes(forward),
             *_setup_notes(forward, best, passed),
             *_start_notes(naming),

@@ -270,6 +270,9 @@ class Forward:
     uneven : float
         One sigma of what a free swing loses over what all do, less one: a bearing does not repeat
         to a per cent. 0 where the records show none.
+    at_setting : (3,) tuple of float, or empty
+        One sigma of what repeats of a setting share of back-swing, COR and launch angle; empty
+        where they share none.
     """
 
     baseline: Baseline
@@ -282,6 +285,7 @@ class Forward:
     pace: float = 1.0
     thrown_share: int = 1
     uneven: float = 0.0
+    at_setting: tuple[float, ...] = ()
 
     def of_trials(self, rows: NDArray[np.int64]) -> "Forward":
         """Predictor of some trials alone, in order."""

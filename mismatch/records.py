@@ -36,6 +36,7 @@ __all__ = [
     "estimate_noise",
     "fit_spectrum",
     "lay_out",
+    "settings_of",
     "shared_deviance",
     "slow_cosines",
     "slow_noise",
@@ -319,6 +320,11 @@ class Records:
         Which of `session_names` a trial belongs to; empty where none is named.
     session_names : tuple of str
         Sessions of the campaign.
+    setting_index : (T,) int array
+        Which of `setting_names`, a ball at a nominal back-swing, a trial repeats; empty where no
+        back-swing is known.
+    setting_names : tuple of str
+        Settings of the campaign.
     jitter : (T, S, 3) array
         How far a ball moves while its clock is off by one standard deviation, in units of `sigma`;
         empty for a clock that is right.
@@ -346,6 +352,8 @@ class Records:
     inflation: FloatArray = field(default_factory=lambda: np.ones(4))
     session_index: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     session_names: tuple[str, ...] = ()
+    setting_index: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    setting_names: tuple[str, ...] = ()
     jitter: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 3)))
     slow: FloatArray = field(default_factory=lambda: np.zeros((3, 0)))
     places: FloatArray = field(default_factory=lambda: np.zeros(0))
@@ -359,6 +367,8 @@ class Records:
             return self.ball_index, self.ball_names
         if level is Level.SESSION:
             return self.session_index, self.session_names
+        if level is Level.SETTING:
+            return self.setting_index, self.setting_names
         return np.zeros(0, dtype=np.int64), ()
 
     @property
@@ -509,7 +519,7 @@ _BY_TRIAL = frozenset(
     {
         "ball_time", "position", "ball_used", "pendulum_time", "pendulum_angle", "pendulum_used",
         "sigma", "backswing", "mass", "diameter", "launch_angle", "ball_index", "session_index",
-        "jitter",
+        "setting_index", "jitter",
     }
 )  # fmt: skip
 """Fields of `Records` with a row for each trial."""
@@ -570,6 +580,8 @@ def lay_out(campaign: CampaignRecords, baseline: Baseline) -> Records:
             angle[row, :m] = trial.pendulum_angle
             pendulum_used[row, :m] = np.isfinite(trial.pendulum_angle)
             angle[row] = np.nan_to_num(angle[row])
+    backswing = np.array([np.nan if t.backswing is None else t.backswing for t in trials])
+    ball_index = np.array([0 if b is None else names.index(b.name) for b in bodies], dtype=np.int64)
     return Records(
         ball_time,
         position,
@@ -578,15 +590,16 @@ def lay_out(campaign: CampaignRecords, baseline: Baseline) -> Records:
         angle,
         pendulum_used,
         np.ones((count, 4)),
-        np.array([np.nan if t.backswing is None else t.backswing for t in trials]),
+        backswing,
         np.array([1.0 if b is None else b.mass for b in bodies]),
         np.array([0.1 if b is None else b.diameter for b in bodies]),
         np.array(
             [np.nan if b is None or b.launch_angle is None else b.launch_angle for b in bodies]
         ),
-        np.array([0 if b is None else names.index(b.name) for b in bodies], dtype=np.int64),
+        ball_index,
         names or ("",),
         **_sessions(trials),
+        **_settings(backswing, ball_index),
     )
 
 
@@ -603,6 +616,31 @@ def _sessions(trials: Sequence[Trial]) -> _Sessions:
         return {}
     index = np.array([names.index(one) for one in told], dtype=np.int64)
     return {"session_index": index, "session_names": names}
+
+
+class _Settings(TypedDict, total=False):
+    setting_index: NDArray[np.int64]
+    setting_names: tuple[str, ...]
+
+
+def _settings(backswing: FloatArray, ball: NDArray[np.int64]) -> _Settings:
+    """Settings in the order of their first trials; none where a back-swing is not known."""
+    index = settings_of(backswing, list(ball))
+    if not index.size or index.min() < 0:
+        return {}
+    first = [int(np.flatnonzero(index == one)[0]) for one in range(int(index.max()) + 1)]
+    names = tuple(f"{np.degrees(backswing[k]):.4g}°, ball {int(ball[k]) + 1}" for k in first)
+    return {"setting_index": index, "setting_names": names}
+
+
+def settings_of(values: FloatArray, names: Sequence[object]) -> NDArray[np.int64]:
+    """Setting of each trial (T,): same name, and values that agree to a millionth; -1 if none."""
+    found: dict[tuple[object, float], int] = {}
+    setting = np.full(len(values), -1, dtype=np.int64)
+    for trial, (value, name) in enumerate(zip(values, names, strict=True)):
+        if np.isfinite(value):
+            setting[trial] = found.setdefault((name, round(float(value), 6)), len(found))
+    return setting
 
 
 DEGREE = 6

@@ -4,7 +4,7 @@ Repeats of a setting differ by chance alone, so what settings differ by beyond t
 the model. Trials are permuted over the settings, which needs no assumption on the noise.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from mismatch.fitting.fit import Fit, spread_laws
 from mismatch.forward import NUISANCES, Forward
+from mismatch.records import settings_of
 from physics.domain import FloatArray
 
-__all__ = ["MIN_P_VALUE", "RepeatsTest", "lack_of_fit", "repeats_of", "settings_of"]
+__all__ = ["MIN_P_VALUE", "RepeatsTest", "lack_of_fit", "repeats_of"]
 
 PERMUTATIONS = 1999
 """Permutations of the trials; p-values have steps of 1/2000."""
@@ -69,16 +70,6 @@ class RepeatsTest:
             f" much between settings as between repeats ({p_value}), so something that depends on"
             " the setting is missing"
         )
-
-
-def settings_of(values: FloatArray, names: Sequence[object]) -> NDArray[np.int64]:
-    """Setting of each trial (T,): same name, and values that agree to a millionth; -1 if none."""
-    found: dict[tuple[object, float], int] = {}
-    setting = np.full(len(values), -1, dtype=np.int64)
-    for trial, (value, name) in enumerate(zip(values, names, strict=True)):
-        if np.isfinite(value):
-            setting[trial] = found.setdefault((name, round(float(value), 6)), len(found))
-    return setting
 
 
 def lack_of_fit(

@@ -17,8 +17,8 @@ from metrology import SetupError, TooLittleDataError, UsageError
 from mismatch.candidates import Candidate, start_values
 from mismatch.fitting.prepare import baseline_model
 from mismatch.forward import BatchTerm, Forward, ForwardModel, batch_terms
-from mismatch.records import Baseline, Records, Scatter
-from mismatch.repeats import RepeatsTest, lack_of_fit, settings_of
+from mismatch.records import Baseline, Records, Scatter, settings_of
+from mismatch.repeats import RepeatsTest, lack_of_fit
 from mismatch.sanity import FARTHEST
 from mismatch.verdict import (
     DOUBTED,

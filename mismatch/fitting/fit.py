@@ -8,7 +8,7 @@ pieces while they fit (Bock, Springer Ser. Chem. Phys. 18, 102 (1981)).
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TypeAlias
@@ -23,6 +23,7 @@ from physics.effects import Coordinate, Effect, EffectId, Level, Parameter
 from physics.integrator import Trajectory, integrate
 
 __all__ = [
+    "AT_SETTING",
     "FIRST_STEPS",
     "FROM_THE_RECORD",
     "GROUPED",
@@ -144,7 +145,7 @@ def priors(forward: Forward, model: ForwardModel) -> tuple[FloatArray, FloatArra
     scatter = forward.baseline.scatter
     if forward.mode == "impact":
         own = np.array([np.inf, scatter.backswing, scatter.cor, scatter.launch_angle])
-        laws = np.array([scatter.cor_law, scatter.launch_angle_law])
+        laws = np.array([scatter.cor_law, scatter.launch_angle_law, *forward.at_setting])
     elif forward.mode == "flight":
         measured = forward.records.ball_used.any(axis=(0, 1))
         # A coordinate nobody measured keeps what it starts with.
@@ -160,20 +161,28 @@ def priors(forward: Forward, model: ForwardModel) -> tuple[FloatArray, FloatArra
     return 1.0 / np.maximum(own, 1e-12) ** 2, 1.0 / np.maximum(laws, 1e-12) ** 2
 
 
-GROUPED = frozenset({Level.BALL, Level.SESSION})
+AT_SETTING = (1, 2, 3)
+"""Columns of a strike's own values that repeats of a setting may share."""
+
+GROUPED = frozenset({Level.BALL, Level.SESSION, Level.SETTING})
 """Levels of which several trials, but not all, share a value."""
 
 
-def grouped_columns(forward: Forward, model: ForwardModel) -> Mapping[int, Level]:
+def grouped_columns(forward: Forward, model: ForwardModel) -> tuple[tuple[int, Level], ...]:
     """Columns of the trial-to-trial values of which the trials of a group share an offset."""
     first = len(NUISANCES[forward.mode])
-    laws = dict.fromkeys((2, 3), Level.BALL) if forward.mode == "impact" else {}
-    return laws | {first + k: s.level for k, s in enumerate(model.own) if s.level in GROUPED}
+    laws = tuple((column, Level.BALL) for column in (2, 3)) if forward.mode == "impact" else ()
+    repeats = AT_SETTING if forward.at_setting else ()
+    return (
+        *laws,
+        *((column, Level.SETTING) for column in repeats),
+        *((first + k, s.level) for k, s in enumerate(model.own) if s.level in GROUPED),
+    )
 
 
 def _most_groups(forward: Forward, model: ForwardModel) -> int:
     """Groups at the level that has most of them: rows that a level has not stay at zero."""
-    levels = {Level.BALL, *grouped_columns(forward, model).values()}
+    levels = {Level.BALL, *(level for _, level in grouped_columns(forward, model))}
     return max(len(forward.records.groups(level)[1]) for level in levels)
 
 
@@ -201,7 +210,7 @@ def spread_laws(
     if not laws.size:
         return nuisance
     total = nuisance.copy()
-    for place, (column, level) in enumerate(grouped_columns(forward, model).items()):
+    for place, (column, level) in enumerate(grouped_columns(forward, model)):
         total[:, column] += laws[forward.records.groups(level)[0], place]
     return total
 
@@ -255,9 +264,13 @@ def _with_groups(
     parts, shared_prior = [], [np.zeros(theirs.shape[-1])]
     columns = grouped_columns(forward, model)
     if columns:
-        group = np.stack([forward.records.groups(one)[0] for one in columns.values()], axis=-1)
+        group = np.stack([forward.records.groups(one)[0] for _, one in columns], axis=-1)
         for index in range(_most_groups(forward, model)):
-            parts.append(np.where((group == index)[:, None], mine[..., list(columns)], 0.0))
+            parts.append(
+                np.where(
+                    (group == index)[:, None], mine[..., [column for column, _ in columns]], 0.0
+                )
+            )
             shared_prior.insert(0, law_prior)
     parts.append(theirs)
     return Linearised(
@@ -978,7 +991,7 @@ class Fit:
         With its parameters at their best.
     nuisance : (T, q) array
         Trial-to-trial values, the shared laws' offsets not included.
-    law_offsets : (balls, 2) array
+    law_offsets : (groups, columns) array
         Offset of the COR law and of the launch angle (rad) by ball.
     chi2, penalty : float
         Σ (residual/σ)², and Σ (value/prior)² over what has a prior.

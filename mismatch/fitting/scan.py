@@ -250,7 +250,7 @@ def _around(
     score, information = grouped(forward, effect.level, score, information)
     values = nuisance[:, mine]
     if effect.level in GROUPED:
-        columns = list(grouped_columns(forward, model))
+        columns = [column for column, _ in grouped_columns(forward, model)]
         count = len(forward.records.groups(effect.level)[1])
         values = at.laws[:count, [columns.index(k) for k in mine]]
     return score, information, values
@@ -365,7 +365,8 @@ def _own_std(forward: Forward, fit: Fit, mine: Sequence[OwnStrength]) -> FloatAr
         for k, item in enumerate(fit.free)
         if fit.model.entries[item.entry][0] is one.effect and item.parameter.name == one.name
     ]
-    columns, first = list(grouped_columns(forward, fit.model)), len(NUISANCES[forward.mode])
+    columns = [column for column, _ in grouped_columns(forward, fit.model)]
+    first = len(NUISANCES[forward.mode])
     places = [first + next(k for k, o in enumerate(fit.model.own) if o is one) for one in mine]
     if mine[0].level in GROUPED:
         count = len(forward.records.groups(mine[0].level)[1])

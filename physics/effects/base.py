@@ -120,6 +120,7 @@ class Level(Enum):
 
     CAMPAIGN = "campaign"
     SESSION = "session"
+    SETTING = "setting"
     BALL = "ball"
     TRIAL = "trial"
 

@@ -48,8 +48,12 @@ def struck_campaign(
     trials: int = 8,
     noise: float = 1e-3,
     scattered: bool = True,
+    at_settings: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> tuple[CampaignRecords, Baseline]:
-    """Shots with trial-to-trial variation, individual clocks and the added effects."""
+    """Shots with trial-to-trial variation, individual clocks and the added effects.
+
+    Repeats of a back-swing share errors of `at_settings`: angle (degrees), COR, launch angle (rad).
+    """
     rng = np.random.default_rng(seed)
     baseline = jokku_baseline()
     ball_time = np.arange(138, 390) / 600.0
@@ -73,6 +77,10 @@ def struck_campaign(
     nuisance[:, 1] = size * rng.normal(0.0, math.radians(0.2), trials)
     nuisance[:, 2] = size * (rng.normal(0.0, 0.005, trials) + rng.normal(0.0, 0.01))
     nuisance[:, 3] = size * (rng.normal(0.0, 0.0035, trials) + rng.normal(0.0, 0.005))
+    if any(at_settings):
+        sizes = np.array([math.radians(at_settings[0]), *at_settings[1:]])
+        nuisance[:, 1:] *= 0.3
+        nuisance[:, 1:] += (sizes * rng.normal(size=(4, 3)))[np.arange(trials) % 4]
     seen = forward.predict([model.order()], nuisance[None])[0]
     s = ball_time.size
     made = []

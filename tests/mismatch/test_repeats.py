@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mismatch.repeats import lack_of_fit, settings_of
+from mismatch.records import settings_of
+from mismatch.repeats import lack_of_fit
 from mismatch.trial_table import explain_table
 from tests.mismatch.table.trial_tables import lab, simulated_table
 
