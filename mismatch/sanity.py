@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology import UsageError
+from mismatch.candidates import UNCATALOGUED
 from mismatch.fitting.fit import (
     Fit,
     SwingSeen,
@@ -528,6 +529,9 @@ def drifting_clock(forward: Forward) -> tuple[Effect, ...]:
     return (DriftingClock(orders=tuple(float(one) for one in forward.records.order)),)
 
 
+MIN_GAP = 0.5
+"""Frame intervals below which a gap is no lost frame (derived: frames are lost whole)."""
+
 MIN_DRIFTING = 4
 """Trials from which a drift is more than two values: a line through three leaves one to spare."""
 
@@ -595,8 +599,9 @@ def dropped_in_each(forward: Forward, fit: Fit) -> DroppedInEach | None:
         # A step at will in each trial takes a part of any misfit; it is believed if it takes all.
         return None
     gap = replace(common.parameters[0], lower=0.0)
+    rarity = UNCATALOGUED if gaps[best] < MIN_GAP * frame else 0.0
     return DroppedInEach(
         parameters=(gap,),
         instants=tuple(float(t) for t in instants),
-        looks=float(max(fitted - fit.reduced_chi2 * evidence[best], 0.0)),
+        looks=float(max(fitted - fit.reduced_chi2 * evidence[best], 0.0)) + rarity,
     )

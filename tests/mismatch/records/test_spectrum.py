@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mismatch import records
+from mismatch import records, sanity
 from mismatch.fitting.prepare import prepare
 from mismatch.records import SIGNIFICANT, CampaignRecords, fit_spectrum, shared_deviance
-from mismatch.sanity import dropped_in_each
+from mismatch.sanity import DroppedInEach, dropped_in_each
 from tests.mismatch.synthetic import struck_campaign, thrown_campaign
 
 
@@ -166,3 +166,19 @@ def test_the_search_for_a_jump_in_each_trial_has_a_cost():
     # The best instants of a campaign without jumps gain tens of chi-square by the search alone.
     assert len(jumps.instants) == 8
     assert jumps.looks > 10.0
+
+
+def test_a_gap_of_a_fraction_of_a_frame_pays_for_being_rare(monkeypatch):
+    """A careful laboratory had dropped_frames 0.49: a twentieth of a frame in each trial."""
+
+    def paid(gap: float) -> float:
+        lost = DroppedInEach(instants=(0.1, 0.2, 0.15, 0.25, 0.1, 0.2, 0.15, 0.25))
+        prepared = prepare(*struck_campaign((lost, {"gap": gap}), seed=3))
+        with_price = dropped_in_each(prepared.forward, prepared.fit)
+        monkeypatch.setattr(sanity, "UNCATALOGUED", 0.0)
+        without = dropped_in_each(prepared.forward, prepared.fit)
+        monkeypatch.undo()
+        return with_price.looks - without.looks
+
+    assert paid(0.2 / 600.0) == pytest.approx(6.0)
+    assert paid(2.0 / 600.0) == pytest.approx(0.0)
