@@ -274,7 +274,9 @@ def _among_wandering_errors(prepared: Prepared, found: Naming) -> Prepared | Non
 def _among_settings_that_differ(prepared: Prepared, found: Naming) -> Prepared | None:
     """The baseline with an offset of each setting, where repeats share more than the model gives.
 
-    What settings differ by next to the answer is compared with what they differ by without it.
+    What settings differ by next to the answer is compared with what they differ by without it. An
+    answer after which they differ no more only has to be the likelier of the two; one beside which
+    they still differ is a further law, and has to beat chance.
     """
     forward, base = prepared.forward, prepared.fit
     if forward.at_setting:
@@ -282,7 +284,8 @@ def _among_settings_that_differ(prepared: Prepared, found: Naming) -> Prepared |
     shared, best = shared_by_repeats(forward, base), found.best
     if best is not None:
         beside = shared_by_repeats(forward, best.fit)
-        if best.penalised_gain + beside.gain > shared.gain + found.threshold:
+        chance = found.threshold if beside.gain > SIGNIFICANT else 0.0
+        if best.penalised_gain + beside.gain > shared.gain + chance:
             shared = beside
     return with_shared_by_repeats(prepared, shared) if shared.gain > SIGNIFICANT else None
 

@@ -103,7 +103,9 @@ def test_weights_with_a_prior_cost_their_information_gain() -> None:
 def test_parameters_of_a_ball_have_the_priors_of_the_setup() -> None:
     scatter = Scatter(backswing=0.004, cor=0.005, launch_angle=0.003, cor_law=0.02,
                       launch_angle_law=0.05)  # fmt: skip
-    forward = SimpleNamespace(mode="impact", baseline=SimpleNamespace(scatter=scatter))
+    forward = SimpleNamespace(
+        mode="impact", baseline=SimpleNamespace(scatter=scatter), at_setting=()
+    )
     own, laws = priors(forward, ForwardModel(()))
     assert laws**-0.5 == pytest.approx([0.02, 0.05])
     assert own[1:] ** -0.5 == pytest.approx([0.004, 0.005, 0.003])

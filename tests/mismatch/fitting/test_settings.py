@@ -6,6 +6,7 @@ import pytest
 from mismatch import explain
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.settings import shared_by_repeats
+from physics.effects import CATALOGUE
 from tests.mismatch.synthetic import struck_campaign
 
 SHARED = (0.4, 0.01, 0.004)
@@ -36,3 +37,13 @@ def test_errors_of_settings_are_no_law_however_often_they_are_repeated():
     verdict = explain(*struck_campaign(seed=2, trials=12, at_settings=SHARED))
     assert not any(effect.probability >= 0.5 for effect in verdict.effects)
     assert any("counts once" in note for note in verdict.notes)
+
+
+def test_a_law_after_which_settings_differ_no_more_is_kept():
+    law = CATALOGUE["velocity_dependent_cor"][0]
+    campaign = struck_campaign((law, {law.strengths[0].name: 0.02}), seed=1, trials=12)
+    prepared = prepare(*campaign)
+    assert shared_by_repeats(prepared.forward, prepared.fit).gain > 9.0
+    verdict = explain(*campaign)
+    assert [effect.id for effect in verdict.effects] == ["velocity_dependent_cor"]
+    assert not any("counts once" in note for note in verdict.notes)
