@@ -2,8 +2,8 @@
 
 Laws are a strength with the unit of a force, torque or ratio times a shape without a unit. Curves
 are cubic B-splines over time, place, height, speed or direction of a flight, angle or rate of a
-swing, or the order of trials. Their weights have one Gaussian prior, whose width is the one of
-highest evidence. All carry the id ``unnamed``.
+swing, or the order of trials; they are forces, torques, or errors of reading. Their weights have
+one Gaussian prior, whose width is the one of highest evidence. All carry the id ``unnamed``.
 """
 
 from dataclasses import dataclass, replace
@@ -31,6 +31,7 @@ from physics.effects.impact import change_restitution, turn_launch
 __all__ = [
     "Ageing",
     "Bump",
+    "ClockCurve",
     "Drift",
     "Field",
     "Gust",
@@ -38,6 +39,7 @@ __all__ = [
     "NearFloor",
     "Notch",
     "PeriodicForce",
+    "PictureCurve",
     "PlacedBrake",
     "Pull",
     "ReadingCurve",
@@ -448,6 +450,14 @@ READING_WIDTH = 5e-3
 
 """rad, a third of a degree: reading of a protractor, where no evidence has chosen another width."""
 
+PICTURE_WIDTH = 2e-3
+
+"""m: reading of a place off a wall; likewise."""
+
+CLOCK_WIDTH = 5e-4
+
+"""s, a fraction of a frame; likewise."""
+
 WIDTH = 0.05
 
 """In weights of the ball, where no evidence has chosen it yet."""
@@ -660,6 +670,44 @@ class ReadingCurve(SmoothCurve):
         return view.phi + self.size(values, view.phi)
 
 
+@dataclass(frozen=True)
+class PictureCurve(SmoothCurve):
+    """A place that is read off by a smooth function of itself, whichever way the ball moves."""
+
+    statement: str = "The ball's place is read off by an error that depends on the place itself."
+    law: str = r"\mathbf r_{rec} = \mathbf r + \mathbf e \sum_k c_k B_k(\mathbf r)"
+    phase: Phase = "measurement"
+    parameters: tuple[Parameter, ...] = _weights("error", "m", PICTURE_WIDTH)
+    form: str = "reading along the way"
+    separating: str = "a ruler at several places in view, or the same flight elsewhere in view"
+    coordinate: Coordinate = Coordinate.PLACE
+    planar: bool = True
+
+    def image(self, values: Values, view: CameraView) -> Vector:
+        """The place plus the curve, along the way or up."""
+        off = self.size(values, view.x if self.coordinate is Coordinate.PLACE else view.y)
+        if self.form == "reading of the height":
+            return view.x, view.y + off, view.z
+        return view.x + off, view.y, view.z
+
+
+@dataclass(frozen=True)
+class ClockCurve(SmoothCurve):
+    """A clock that is off by a smooth function of time, alike in all trials."""
+
+    statement: str = "The clock is off by an error that changes with the time since release."
+    law: str = r"t = t_{rec} + \sum_k c_k B_k(t_{rec})"
+    phase: Phase = "measurement"
+    parameters: tuple[Parameter, ...] = _weights("error", "s", CLOCK_WIDTH)
+    form: str = "reading of the time"
+    separating: str = "a clock of known rate in view (a blinking LED)"
+    coordinate: Coordinate = Coordinate.TIME
+
+    def clock(self, values: Values, time: Number) -> Number:
+        """The time plus the curve."""
+        return time + self.size(values, time)
+
+
 def _spline(apart: FloatArray) -> FloatArray:
     """Cardinal cubic B-spline of unit knots, one at its middle."""
     far = np.maximum(2.0 - np.abs(apart), 0.0)
@@ -750,6 +798,22 @@ def _readings(forward: Forward) -> tuple[SmoothCurve, ...]:
     return (ReadingCurve(low=low, high=max(high, low + 1e-3)),)
 
 
+def _places_and_times(forward: Forward) -> list[SmoothCurve]:
+    """Errors of reading a ball's place by the place, and its time by the time."""
+    seen = np.atleast_1d(forward.records.ball_used.any(axis=(0, 1)))
+    ways = [("reading along the way", seen[0]), ("reading of the height", seen[1])]
+    found: list[SmoothCurve] = []
+    for coordinate, known in ((Coordinate.PLACE, seen[0]), (Coordinate.HEIGHT, seen[1])):
+        low, high = forward.flight_span(coordinate)
+        found += [
+            PictureCurve(form=form, coordinate=coordinate, low=low, high=max(high, low + 1e-3))
+            for form, read in ways
+            if read and known
+        ]
+    low, high = forward.flight_span(Coordinate.TIME)
+    return [*found, ClockCurve(low=low, high=max(high, low + 1e-3))]
+
+
 def _drifts(forward: Forward) -> list[SmoothCurve]:
     if forward.records.trials < MIN_TRIALS:
         return []
@@ -767,7 +831,7 @@ def smooth_fields(forward: Forward) -> tuple[SmoothCurve, ...]:
         # Over many periods a torque takes up any sum of losses and what a record's errors leave:
         # it fitted an encoder's swings better than dry friction did, and predicted them worse.
         return _readings(forward)
-    forces = [*_forces(forward), *_resistances(forward)]
+    forces = [*_forces(forward), *_resistances(forward), *_places_and_times(forward)]
     if forward.mode == "flight":
         return tuple(forces)
     swings = _torques(forward) if forward.records.pendulum_used.any() else []

@@ -67,7 +67,7 @@ def test_a_curve_is_not_named_when_nothing_is_missing():
         if isinstance(c.effect, SmoothCurve)
     ]
     scored = scan(known.forward, known.fit, pool).with_likely_widths()
-    assert len(pool) == 19
+    assert len(pool) == 24
     assert all(
         scored.gain(k)[0] - c.complexity_penalty < 5.0 for k, c in enumerate(scored.candidates)
     )
