@@ -193,6 +193,10 @@ def _fits_swapped(campaign: CampaignRecords, prepared: Prepared) -> bool:
     return other.fit.chi2 / other.fit.count < SWAP_GAIN * prepared.fit.chi2 / prepared.fit.count
 
 
+OTHER_UNITS = (1000.0, 100.0, 0.01, 0.001)
+"""Millimetres or centimetres among metres, or the reverse."""
+
+
 def _refuse_far_off(
     names: Sequence[str], position: FloatArray, predicted: FloatArray, used: NDArray[np.bool_]
 ) -> None:
@@ -219,6 +223,13 @@ def _refuse_far_off(
         )
     if far.any():
         which = ", ".join(names[i] for i in seen[far])
+        factor = float(np.median(recorded[far]) / np.median(recorded[~far]))
+        if any(0.5 < factor / unit < 2.0 for unit in OTHER_UNITS):
+            raise UsageError(
+                f"positions of trial {which} spread {factor:.3g} times as far as those of the"
+                " others, so units seem to differ by row",
+                hint="Write all rows in metres, the unit of the head.",
+            )
         raise UsageError(
             f"the setup contradicts the data: no motion of this apparatus comes near trial {which}",
             hint="Check back-swing angles, ball names, pendulum and support in the setup.",

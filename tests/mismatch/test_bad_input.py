@@ -95,7 +95,9 @@ def test_scaled_trajectories_are_a_wrong_unit_only_in_all_trials():
 
     refuse(*[1.0] * 8)
     with pytest.raises(UsageError, match=r"comes near trial 0, 1, 4\n"):
-        refuse(400.0, 400.0, 1.0, 1.0, 400.0, 1.0, 1.0, 1.0)
+        refuse(4e4, 4e4, 1.0, 1.0, 4e4, 1.0, 1.0, 1.0)
+    with pytest.raises(UsageError, match=r"trial 2 spread .* units seem to differ by row"):
+        refuse(1.0, 1.0, 1000.0, 1.0, 1.0, 1.0, 1.0, 1.0)
     with pytest.raises(UsageError, match=r"spread 1e\+03 times as far"):
         refuse(*[1000.0] * 8)
 
