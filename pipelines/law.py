@@ -1,5 +1,6 @@
 """`vision law`: fit a law of restitution to strikes, heights or bounce times."""
 
+import difflib
 import itertools
 import json
 import math
@@ -40,7 +41,8 @@ from physics.rebound import FallingBall
 from pipelines.api.quantities import setup_from
 from pipelines.doors import FileRole as _FileRole
 from pipelines.doors import QuietOption, ReportOption, ResultsJsonOption, SetupFileOption
-from pipelines.interop.tables import plain_name, read_table, unit_of
+from pipelines.interop.sheets import read_table
+from pipelines.interop.tables import plain_name, unit_of
 from pipelines.measure.files import software_version
 from pipelines.report.inputs import ReportInput
 from pipelines.report.page import write_report
@@ -59,21 +61,28 @@ FloatArray = NDArray[np.float64]
 
 _NAMES = {
     "impact_speed": "impact_speed impact_velocity v_in vin v0 v_0 speed_in speed_before v speed"
-    " pendulum_speed_before velocity v_impact",
-    "rebound_speed": "rebound_speed rebound_velocity v_out vout v1 v_1 speed_out speed_after",
-    "ball_speed": "ball_speed ball_velocity v_ball v_b vb",
+    " pendulum_speed_before velocity v_impact aufprallgeschwindigkeit auftreffgeschwindigkeit"
+    " vitesse_d_impact vitesse_impact velocidad_de_impacto",
+    "rebound_speed": "rebound_speed rebound_velocity v_out vout v1 v_1 speed_out speed_after"
+    " ruckprallgeschwindigkeit vitesse_de_rebond velocidad_de_rebote",
+    "ball_speed": "ball_speed ball_velocity v_ball v_b vb ballgeschwindigkeit"
+    " vitesse_de_la_balle velocidad_de_la_pelota",
     "pendulum_speed_after": "pendulum_speed_after",
-    "cor": "cor e restitution coefficient_of_restitution",
+    "cor": "cor e restitution coefficient_of_restitution stosszahl stosskoeffizient"
+    " restitutionskoeffizient coefficient_de_restitution coeficiente_de_restitucion",
     "cor_std": "cor_std e_std",
-    "drop_height": "drop_height h0 h_0 height release_height h_drop height_drop initial_height",
-    "rebound_height": "rebound_height h1 h_1 bounce_height h_rebound rebound height_rebound",
+    "drop_height": "drop_height h0 h_0 height release_height h_drop height_drop initial_height"
+    " fallhohe anfangshohe hauteur_de_chute hauteur_initiale altura_inicial altura_de_caida",
+    "rebound_height": "rebound_height h1 h_1 bounce_height h_rebound rebound height_rebound"
+    " rucksprunghohe ruckprallhohe sprunghohe hauteur_de_rebond altura_de_rebote",
     "time_before": "time_before t_before flight_before",
     "time_after": "time_after t_after flight_after",
-    "interval": "time_between_bounces interval dt delta_t flight_time time_of_flight",
+    "interval": "time_between_bounces interval dt delta_t flight_time time_of_flight flugzeit"
+    " temps_de_vol tiempo_de_vuelo",
     "bounce_time": "bounce_time time_of_bounce t_bounce impact_time",
-    "ball": "ball object body",
-    "session": "session day series run",
-    "level": "level setting backswing backswing_deg backswing_angle backswing_angle_deg",
+    "ball": "ball object body kugel balle ballon pelota bola",
+    "session": "session day series run sitzung serie",
+    "level": "level setting backswing backswing_deg backswing_angle backswing_angle_deg auslenkung",
     "unit": "unit units",
 }
 """Column names that are recognised, without their unit."""
@@ -84,6 +93,9 @@ _SI = {
     **dict.fromkeys(("time_before", "time_after", "interval", "bounce_time"), "s"),
     **dict.fromkeys(("cor", "cor_std"), "1"),
 }
+_MAX_WITHOUT_UNIT = {"m": 10.0, "s": 10.0, "m/s": 60.0}
+"""Largest usual value if no unit is written (chosen: what is dropped by hand, or hit)."""
+
 _SPEED_SUFFIX = re.compile(r"_(m|cm|mm|km)_(s|h)$", re.IGNORECASE)
 _LENGTH_SUFFIX = re.compile(r"_(mm|cm|m|ms|s|in|ft)$", re.IGNORECASE)
 
@@ -376,10 +388,10 @@ def law(
         raise UsageError(
             f"speeds from {speeds_from!r}?", hint="Write heights or times, or leave it out."
         )
-    name = "the table"
+    name, notes = "the table", list[str]()
     if not isinstance(table, pd.DataFrame):
         name = Path(table).name
-        table = read_table(Path(table), "a table of strikes")
+        table = read_table(Path(table), "a table of strikes", notes)
     known = setup_from(setup)
     reader = _Reader(table, known, name, speeds_from)
     balls = {ball: _fitted(ball, *read) for ball, read in reader.balls().items()}
@@ -389,7 +401,7 @@ def law(
             f"{name}: no law of restitution ({reasons})",
             hint="Measure at least three strikes, better five at each of three speeds.",
         )
-    warnings = [*reader.warnings]
+    warnings = [*notes, *reader.warnings]
     for ball, one in balls.items():
         if not one.fits:
             warnings.append(f"{ball}: no law: {one.reason}.")
@@ -462,9 +474,26 @@ class _Reader:
                 f" row {int(np.argmax(bare)) + 1}",
                 hint="Write the unit once, in the head: 'drop_height (cm)'.",
             )
-        factor = 1.0 if _SI[key] == "1" else parse_quantity(f"1 {unit}", _SI[key])
+        if _SI[key] == "1":
+            factor = 0.01 if "%" in head else 1.0
+        else:
+            factor = parse_quantity(f"1 {unit}", _SI[key])
+            if unit == _SI[key] and own is None and not _states_unit(head):
+                self._refuse_without_unit(key, numbers[bare])
         numbers[bare] *= factor
         return numbers
+
+    def _refuse_without_unit(self, key: str, numbers: FloatArray) -> None:
+        """Refuse numbers without a unit that are too large for the one that would be assumed."""
+        unit = _SI[key]
+        if not len(numbers) or np.median(numbers) <= _MAX_WITHOUT_UNIT[unit]:
+            return
+        usual = {"m": "(cm)' or '(mm)", "s": "(ms)", "m/s": "(cm/s)' or '(km/h)"}[unit]
+        raise UsageError(
+            f"{self.name}: {self.columns[key]!r} states no unit, and {np.median(numbers):.4g}"
+            f" {unit} can't be",
+            hint=f"Write its unit behind its name in the first line, such as '{usual}'.",
+        )
 
     def _kind(self) -> str:
         have = self.columns.keys()
@@ -602,6 +631,14 @@ class _Reader:
     def _ball(self, name: str) -> BallSetup | None:
         if name in self.setup.balls:
             return self.setup.balls[name]
+        known = {one.casefold(): one for one in (*self.setup.balls, *BALLS)}
+        meant = difflib.get_close_matches(name.casefold(), known, n=1, cutoff=0.75)
+        if name and meant and name not in BALLS:
+            raise UsageError(
+                f"{self.name}: unknown ball {name!r}; did you mean {known[meant[0]]!r}?",
+                hint=f"Write {known[meant[0]]} in the column ball, or describe [balls.{name}] in"
+                " the setup file.",
+            )
         if self.setup.ball is not None:
             return self.setup.ball
         if not name and len(self.setup.balls) == 1:
@@ -628,6 +665,15 @@ class _Reader:
 
     def _check(self, speed: FloatArray, cor: FloatArray, rows: NDArray[np.int64]) -> None:
         """Reject rows whose readings contradict each other or the other rows."""
+        first, second = _EXCHANGED.get(self.kind, ("", ""))
+        if (cor > 1.0).all() and first in self.columns and second in self.columns:
+            names = f"{self.columns[first]!r} and {self.columns[second]!r}"
+            raise DomainError(
+                f"{self.name}: the columns {names} are exchanged, or one has another unit: e is"
+                f" {cor.min():.3g} to {cor.max():.3g}, above 1 in every row",
+                hint="Exchange the two names in the first line, or write the units there:"
+                f" '{first} (UNIT)'.",
+            )
         if (cor > 1.0).any():
             row = int(np.argmax(cor))
             raise DomainError(
@@ -726,6 +772,13 @@ def _recognised(header: Sequence[str], table: str) -> dict[str, str]:
     return found
 
 
+_EXCHANGED = {
+    "heights": ("drop_height", "rebound_height"),
+    "strikes": ("impact_speed", "rebound_speed"),
+    "times": ("time_before", "time_after"),
+}
+"""Pairs of columns that are exchanged if e is above 1 in every row."""
+
 _WORDS = frozenset(word for words in _NAMES.values() for word in words.split())
 
 
@@ -741,13 +794,17 @@ def _bare(name: str) -> str:
     return plain
 
 
+def _states_unit(head: str) -> bool:
+    return _unit(head, "") != ""
+
+
 def _unit(head: str, default: str) -> str:
     """Unit in a column's head."""
     plain = plain_name(head)
     speed = _SPEED_SUFFIX.search(plain)
     if speed is not None:
         return f"{speed[1]}/{speed[2]}"
-    bracketed = "(" in head or "[" in head
+    bracketed = "(" in head or "[" in head or "/" in head
     return (unit_of(head) if bracketed or plain not in _WORDS else None) or default
 
 

@@ -17,6 +17,7 @@ from metrology import Defaults
 from metrology.quantity import format_value
 from pipelines.checker.balance import Cause, Contradictory, Input, Relation, weigh
 from pipelines.checker.fall import Fall, find_fall
+from pipelines.checker.pace import SlowPart, find_slow_part
 
 __all__ = ["Finding", "SceneFacts", "equations_of", "findings_of", "upright"]
 
@@ -118,8 +119,8 @@ class Finding:
     Attributes
     ----------
     key : str
-        The input at fault: "rate", "ball", "grid", "distance", "scale"; "facts" if some are
-        missing.
+        The input at fault: "rate", "ball", "grid", "distance", "scale", "pace" (two speeds in one
+        recording); "facts" if some are missing.
     sentence : str
         Cause and cure.
     option : str
@@ -137,6 +138,10 @@ class Finding:
 
 def findings_of(facts: SceneFacts) -> tuple[Finding, ...]:
     """Contradictions among the facts, each with cause and cure; empty if they agree."""
+    slow = find_slow_part(facts.frame, facts.centre_px)
+    if slow is not None:
+        # with two clocks nothing else can be compared
+        return (_two_clocks(slow, facts.frame),)
     facts = upright(facts)
     missing = _missing(facts, _fall(facts))
     if missing is not None:
@@ -151,6 +156,18 @@ def findings_of(facts: SceneFacts) -> tuple[Finding, ...]:
     if not causes:
         return (_unresolved(found, [one for one in inputs if one.stated], names),)
     return (_joined(found, [_cure(cause, facts) for cause in causes], names),)
+
+
+def _two_clocks(slow: SlowPart, frame: FloatArray) -> Finding:
+    first, last = (round(float(frame[row])) for row in (slow.first, slow.last))
+    sentence = (
+        f"Likely cause: frames {first} to {last} are in slow motion, about {slow.factor:.1f} times"
+        " slower than the rest: the recording was exported with two speeds, and no time across"
+        " them holds. Export it again at one speed (in the telephone's editor, extend the slow"
+        " motion over the whole clip), or cut out these frames and measure them alone with --fps"
+        " RATE, the camera's rate in slow motion."
+    )
+    return Finding("pace", sentence, "--fps")
 
 
 def upright(facts: SceneFacts) -> SceneFacts:

@@ -16,7 +16,7 @@ import pandas as pd
 
 from metrology import UsageError
 from physics.domain import FloatArray
-from pipelines.interop.tables import refuse_sideways
+from pipelines.interop.sheets import refuse_sideways
 
 __all__ = ["Sheet", "TableLike", "name_of", "numbers_of", "read_sheet"]
 

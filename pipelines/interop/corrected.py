@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from pipelines.interop.tables import header_of, read_table
+from pipelines.interop.sheets import read_table
+from pipelines.interop.tables import header_of
 from vision.stages import GivenObjects, given_objects
 
 __all__ = ["is_corrected", "read_corrected"]

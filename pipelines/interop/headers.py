@@ -5,6 +5,7 @@ describe a position, in English, German, French and Spanish. What remains names 
 """
 
 import re
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,9 +18,13 @@ __all__ = [
     "AxisColumns",
     "Clock",
     "find_header",
+    "folded",
+    "is_unit_row",
+    "is_value",
     "positions_of",
     "read_clock",
     "time_column",
+    "unit_word",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -29,24 +34,27 @@ def _set(words: str) -> frozenset[str]:
     return frozenset(words.split())
 
 
-_TIME = _set("t time times zeit temps tiempo tempo seconds sekunden timestamp")
+_TIME = _set("t time times zeit temps tiempo tempo seconds sekunden timestamp uhrzeit hora heure")
 
 _AXES = {
-    "x": _set("x horizontal horizontale abscisse"),
-    "y": _set("y vertical vertikal verticale hohe höhe height hauteur altura altezza"),
+    "x": _set("x horizontal horizontale abscisse abscissa abszisse abscisa"),
+    "y": _set(
+        "y vertical vertikal verticale hohe height hauteur altura altezza ordonnee ordinate"
+        " ordenada"
+    ),
 }
 
 _DESCRIPTIONS = _set(
-    "position positions pos posicion posición lage ort coordinate coordinates coord coords"
-    " koordinate coordonnee coordonnée coordenada latest run lauf essai ensayo messung data set"
+    "position positions pos posicion lage ort coordinate coordinates coord coords"
+    " koordinate coordonnee coordenada latest run lauf essai ensayo messung data set"
     " daten serie center centre centroid mittelpunkt track trajectory the of der de la"
     " px pixel pixels mm cm m in ft"
 )
 
 _NOT_POSITIONS = _set(
     "v vx vy vel velocity speed geschwindigkeit vitesse velocidad a ax ay acc acceleration"
-    " beschleunigung accélération aceleracion aceleración std err error sigma uncertainty"
-    " unsicherheit likelihood score confidence size radius r theta angle winkel angulo ángulo phi"
+    " beschleunigung aceleracion std err error sigma uncertainty"
+    " unsicherheit likelihood score confidence size radius r theta angle winkel angulo phi"
     " omega frame bild image step kinetic potential energy energie"
 )
 
@@ -58,22 +66,26 @@ _HEADER_LINES = 12
 
 @dataclass(frozen=True)
 class AxisColumns:
-    """The two columns of an object's positions.
+    """The columns of an object.
 
     Attributes
     ----------
     name : str
         Of the object; empty if the header names none.
     x, y : str
+    t : str or None
+        Its own times; None if the table has one clock.
     """
 
     name: str
     x: str
     y: str
+    t: str | None = None
 
 
 def _words(name: str) -> list[str]:
-    bare = re.sub(r"[\(\[].*?[\)\]]", " ", name.casefold())
+    """Words without units and accents; numbers apart."""
+    bare = re.sub(r"[\(\[].*?[\)\]]", " ", folded(name))
     return [word for word in re.split(r"[^\w]+|_|(?<=[^\W\d])(?=\d)", bare) if word]
 
 
@@ -95,31 +107,39 @@ def _axis(words: Sequence[str]) -> str | None:
 def positions_of(header: Sequence[str]) -> tuple[AxisColumns, ...]:
     """Pairs of columns that are the positions of objects, in the order of the table.
 
-    Empty if an object has two columns for one axis: they must be named by the user.
+    Runs side by side, told apart by their numbers, are objects. Empty if an object has two columns
+    for one axis: they must be named by the user.
     """
+    return _pairs(header, runs=False) or _pairs(header, runs=True)
+
+
+def _pairs(header: Sequence[str], runs: bool) -> tuple[AxisColumns, ...]:
     found: dict[str, dict[str, str]] = {}
     for name in header:
         words = _words(name)
-        axis = _axis(words)
+        axis = _axis(words) or ("t" if set(words) & _TIME else None)
         unit = re.search(r"[\(\[](.*?)[\)\]]", name)
-        if axis is None or set(words) & _NOT_POSITIONS:
+        if axis is None or set(words) & _NOT_POSITIONS or (axis == "t" and not runs):
             continue
         if unit is not None and _RATE_UNIT.search(unit[1]):
             continue
-        rest = [
-            word
-            for word in words
-            if word not in _AXES[axis] and word not in _DESCRIPTIONS and not word.isdigit()
-        ]
-        columns = found.setdefault(" ".join(rest), {})
+        columns = found.setdefault(_object(words, axis, runs), {})
         if axis in columns:
             return ()
         columns[axis] = name
     return tuple(
-        AxisColumns(name, columns["x"], columns["y"])
+        AxisColumns(name, columns["x"], columns["y"], columns.get("t"))
         for name, columns in found.items()
-        if len(columns) == len(_AXES)
+        if columns.keys() >= _AXES.keys()
     )
+
+
+def _object(words: Sequence[str], axis: str, runs: bool) -> str:
+    """What remains of a column's name: the object, with its run if runs are told apart."""
+    known = _DESCRIPTIONS | (_TIME if axis == "t" else _AXES[axis])
+    rest = [word for word in words if word not in known and not word.isdigit()]
+    numbers = [word for word in words if word.isdigit()] if runs else []
+    return " ".join([*rest, *(["run", *numbers] if numbers else [])])
 
 
 def find_header(rows: Sequence[Sequence[str]]) -> int:
@@ -137,21 +157,70 @@ def find_header(rows: Sequence[Sequence[str]]) -> int:
     """
     for number, row in enumerate(rows[:_HEADER_LINES]):
         written = [cell for cell in row if cell.strip()]
-        if number and written and all(map(_is_value, written)) and len(written) > 1:
+        values = sum(map(is_value, written))
+        if number and values >= _MIN_VALUES and 2 * values > len(written):
             return number - 1
     return 0
 
 
-def _is_value(cell: str) -> bool:
+_MIN_VALUES = 2
+"""Numbers in the first row below a header (derived: a time and a position)."""
+
+
+def is_value(cell: str) -> bool:
+    """Whether a cell is a number, a time or a date, or says that there is none."""
     return bool(re.fullmatch(r"\s*[-+]?[\d.,:/ T\u2212-]*\d[\d.,:eE+Z-]*\s*", cell)) or (
         cell.strip().casefold() in ("nan", "na", "n/a")
     )
+
+
+def is_unit_row(cells: Sequence[str]) -> bool:
+    """Whether a row holds nothing but units: ``s,cm,cm`` or ``(s),(cm),(cm)``."""
+    written = [cell.strip() for cell in cells if cell.strip()]
+    return bool(written) and all(
+        re.fullmatch(r"[\(\[].*[\)\]]", cell) or cell in _UNITS or unit_word(cell) in _UNITS
+        for cell in written
+    )
+
+
+_UNIT_WORDS = {
+    "s": "s sec secs second seconds sekunde sekunden seconde secondes segundo segundos",
+    "ms": "ms msec millisecond milliseconds millisekunden millisecondes milisegundos",
+    "us": "us µs microsecond microseconds",
+    "m": "m meter meters metre metres metro metros",
+    "cm": "cm centimeter centimeters centimetre centimetres zentimeter centimetro centimetros",
+    "mm": "mm millimeter millimeters millimetre millimetres milimetro milimetros",
+    "um": "um µm micron microns micrometer micrometre",
+    "in": "in inch inches zoll pouce pouces pulgada pulgadas",
+    "ft": "ft foot feet fuss pied pieds pie pies",
+    "px": "px pixel pixels pix pixeles",
+    "frame": "frame frames",
+}
+_UNITS = {word: unit for unit, words in _UNIT_WORDS.items() for word in words.split()}
+
+
+def unit_word(text: str) -> str:
+    """A unit of length or time as written anywhere: ``Seconds``, ``CM``; others stay."""
+    return _UNITS.get(folded(text.strip()).replace("\u03bc", "µ"), text)
+
+
+def folded(text: str) -> str:
+    """Lower case without accents: ``Höhe`` and ``HOHE`` are ``hohe``."""
+    plain = unicodedata.normalize("NFKD", text.casefold())
+    return "".join(letter for letter in plain if not unicodedata.combining(letter))
 
 
 _SECONDS_PER_DAY = 86400.0
 
 _SERIAL_DAYS = (20_000.0, 80_000.0)
 """Days since 1899-12-30 of the years 1954 to 2119 (convention: Excel)."""
+
+_EPOCH_UNITS = (
+    (1.0, "seconds"),
+    (1e-3, "milliseconds"),
+    (1e-6, "microseconds"),
+    (1e-9, "nanoseconds"),
+)
 
 _EPOCH_S = (3e8, 5e9)
 """Seconds since 1970 of the years 1979 to 2128."""
@@ -224,7 +293,7 @@ def _of_numbers(values: FloatArray) -> Clock | None:
             since * _SECONDS_PER_DAY,
             "The times are serial days of a spreadsheet; they are converted to seconds.",
         )
-    for factor, name in ((1.0, "seconds"), (1e-3, "milliseconds"), (1e-6, "microseconds")):
+    for factor, name in _EPOCH_UNITS:
         if _EPOCH_S[0] <= low * factor and high * factor <= _EPOCH_S[1]:
             return Clock(since * factor, f"The times are {name} since 1970.")
     return None

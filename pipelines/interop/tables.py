@@ -11,9 +11,8 @@ import math
 import pickletools
 import re
 import sys
-import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,15 +23,30 @@ from numpy.typing import NDArray
 
 from metrology import Defaults, UsageError, parse_quantity, write_text_whole
 from pipelines.checker.fall import TableUnits, units_by_fall
+from pipelines.checker.pace import repeats_of
 from pipelines.interop.external import (
     ExternalTrack,
     ExternalTracks,
     PlaneOfMotion,
     Program,
-    read_bytes,
 )
-from pipelines.interop.headers import find_header, positions_of, read_clock, time_column
+from pipelines.interop.headers import (
+    AxisColumns,
+    folded,
+    positions_of,
+    read_clock,
+    time_column,
+    unit_word,
+)
 from pipelines.interop.projects import CORNER_PX
+from pipelines.interop.sheets import (
+    frame_of,
+    separator_of,
+    sheet_of,
+    text_lines,
+    text_of,
+    with_numbers,
+)
 from pipelines.measure.measurement import CAMERA_COLUMNS
 from pipelines.terminal import screen
 
@@ -49,9 +63,7 @@ __all__ = [
     "made_elsewhere",
     "parse_columns",
     "plain_name",
-    "read_table",
     "read_table_of_tracks",
-    "refuse_sideways",
     "unit_of",
 ]
 
@@ -75,18 +87,31 @@ WORD_KEYS = {
 
 """Further keys, whose values are not columns."""
 
-_COLUMN_NAMES = {
+_COLUMN_NAMES: dict[str, tuple[str, ...]] = {
     "t": ("t", "t_s", "time", "time_s", "times", "zeit", "temps", "tiempo", "tempo"),
-    "frame": ("frame", "frame_idx", "frame_index", "frame_number", "frames", "bild", "image"),
+    "frame": (
+        "frame",
+        "frame_idx",
+        "frame_index",
+        "frame_number",
+        "frames",
+        "bild",
+        "image",
+        "slice",
+        "slice_n°",
+    ),
     "x": ("x", "x_m", "x_cm", "x_mm", "x_px", "pos_x", "posx", "px", "pixelx", "x_pos"),
     "y": ("y", "y_m", "y_cm", "y_mm", "y_px", "pos_y", "posy", "py", "pixely", "y_pos"),
-    "object": ("object", "track", "particle", "particle_id", "id", "name"),
-    "trial": ("trial",),
+    "object": ("object", "track_id", "track", "track_n°", "particle", "particle_id", "id", "name"),
+    "trial": ("trial", "versuch", "essai", "ensayo"),
 }
-
-"""Column names that are unambiguous; others are asked for."""
+"""Column names that are unambiguous; others are asked for. Of several names of objects the first
+counts."""
 
 _UNIT = re.compile(r"[\(\[]\s*([^)\]]+?)\s*[\)\]]|[_ ](px|mm|cm|m|ms|s|in|ft)$", re.IGNORECASE)
+
+_SLASH_UNIT = re.compile(r"\s/\s*(px|mm|cm|m|ms|s|in|ft)\s*$", re.IGNORECASE)
+"""A unit as in ``h / cm``."""
 
 
 @dataclass(frozen=True)
@@ -157,14 +182,16 @@ def column_use(header: Sequence[str], said: Mapping[str, str], table: str) -> Co
                 )
             columns[key] = said[key]
             continue
-        alike = [name for name in header if plain_name(name) in _COLUMN_NAMES[key]]
-        if len(alike) == 1:
-            columns[key] = alike[0]
+        names = _COLUMN_NAMES[key]
+        alike = [name for name in header if plain_name(name) in names]
+        if len(alike) == 1 or (alike and key == "object"):
+            columns[key] = min(alike, key=lambda name: names.index(plain_name(name)))
     missing = [key for key in ("x", "y") if key not in columns]
     if "t" not in columns and "frame" not in columns:
         missing.append("t")
     if missing:
-        example = ", ".join(f"{key}=NAME" for key in missing)
+        height = next((name for name in header if plain_name(name) in _HEIGHTS), "NAME")
+        example = ", ".join(f"{key}={height if key == 'y' else 'NAME'}" for key in missing)
         raise UsageError(
             f"{table}: no column found for {' and '.join(missing)}; it has {_listed(header)}",
             hint=f'Pass --columns "{example}", or set them in the table [columns] of the setup'
@@ -219,15 +246,15 @@ def _unanswered(key: str, header: Sequence[str], answers: Mapping[str, str]) -> 
 
 
 def plain_name(name: str) -> str:
-    """A column's name without its unit, in lower case."""
-    bare = re.sub(r"[\(\[].*?[\)\]]", "", name).strip().lower()
-    return re.sub(r"[ \-.]+", "_", bare)
+    """A column's name without its unit, in lower case and without accents."""
+    bare = re.sub(r"[\(\[].*?[\)\]]", "", name)
+    return re.sub(r"[ \-.'\u2019]+", "_", folded(_SLASH_UNIT.sub("", bare).strip()))
 
 
 def unit_of(name: str) -> str | None:
     """Unit in a column's name: ``Height (cm)``, ``h_cm``."""
-    found = _UNIT.search(name.strip())
-    return None if found is None else (found[1] or found[2])
+    found = _UNIT.search(name.strip()) or _SLASH_UNIT.search(name)
+    return None if found is None else unit_word(next(filter(None, found.groups())))
 
 
 def _listed(header: Sequence[str]) -> str:
@@ -253,16 +280,6 @@ MAX_CLOCK_DEVIATION = 0.25
 """Fraction of a step by which times may deviate from an even clock (chosen)."""
 
 
-def _decoded(data: bytes) -> str:
-    """Text of unknown encoding: UTF-8, UTF-16 with a byte order mark, or Latin-1."""
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return data.decode("utf-16", errors="replace")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")
-
-
 def read_table_of_tracks(path: Path, said: Mapping[str, str]) -> ExternalTracks:
     """Read a table of tracks of any program.
 
@@ -283,35 +300,18 @@ def read_table_of_tracks(path: Path, said: Mapping[str, str]) -> ExternalTracks:
     if suffix in HDF5_SUFFIXES:
         return _hdf5(path)
     if suffix == ".xlsx":
-        return _spreadsheet(_sheet(path), path, said)
-    text = _decoded(read_bytes(path, "a table of tracks"))
-    lines = [line for line in text.splitlines() if line.strip()]
-    if not lines:
-        raise UsageError(
-            f"{path} is empty",
-            hint="Export the tracks again: a header line and one row per mark.",
-        )
+        return _spreadsheet(sheet_of(path), path, said)
+    lines = text_lines(path, "a table of tracks")
     for recognises, read in _READERS:
         if recognises(lines):
             return read(lines, path, said)
-    return _spreadsheet(_frame_of(lines, path), path, said)
+    notes: list[str] = []
+    table = frame_of(lines, path, _BARE_COLUMNS, notes)
+    return _spreadsheet(table, path, said, notes)
 
 
-def read_table(path: Path, what: str) -> pd.DataFrame:
-    """Read any table with a header line: text with any separator and decimals, or XLSX.
-
-    Raises
-    ------
-    UsageError
-        If it can't be read, is empty, or a quote swallows lines.
-    """
-    if path.suffix.lower() == ".xlsx":
-        return _sheet(path)
-    text = _decoded(read_bytes(path, what))
-    lines = [line for line in text.splitlines() if line.strip()]
-    if not lines:
-        raise UsageError(f"{path} is empty", hint="Write a header line and one row per trial.")
-    return _frame_of(lines, path)
+_BARE_COLUMNS = ("t", "x", "y")
+"""Columns of a table of three columns without a header."""
 
 
 def header_of(path: Path) -> list[str]:
@@ -326,10 +326,8 @@ def header_of(path: Path) -> list[str]:
     if suffix not in TABLE_SUFFIXES or suffix in HDF5_SUFFIXES or is_of_a_program(path):
         return []
     if suffix == ".xlsx":
-        return list(_sheet(path).columns)
-    text = _decoded(read_bytes(path, "a table of tracks"))
-    lines = [line for line in text.splitlines() if line.strip()]
-    return list(_frame_of(lines, path).columns) if lines else []
+        return list(sheet_of(path).columns)
+    return list(frame_of(text_lines(path, "a table of tracks"), path, _BARE_COLUMNS).columns)
 
 
 _PROGRAM_HEAD_BYTES = 2**16
@@ -371,7 +369,7 @@ def is_of_a_program(path: Path) -> bool:
             f"can't read {path}: {problem.strerror}",
             hint="Check the path and your read permission.",
         ) from problem
-    lines = [line for line in _decoded(head).splitlines() if line.strip()]
+    lines = [line for line in text_of(head).splitlines() if line.strip()]
     if not lines:
         return False
     trackpy = {"x", "y", "frame", "mass", "size"} <= {part.strip() for part in lines[0].split(",")}
@@ -404,114 +402,6 @@ def _is_tracker_text(lines: Sequence[str]) -> bool:
 def _is_sleap(lines: Sequence[str]) -> bool:
     heads = lines[0].split(",")
     return "frame_idx" in heads and any(head.endswith(".x") for head in heads)
-
-
-def _separator(line: str) -> str:
-    """Separator of a header: tab, semicolon or comma; a blank without any."""
-    for mark in ("\t", ";", ","):
-        if mark in line:
-            return mark
-    return r"\s+"
-
-
-def _with_point_decimals(table: pd.DataFrame) -> pd.DataFrame:
-    """Convert columns of numbers with a decimal comma."""
-    for name in table.columns:
-        if pd.api.types.is_numeric_dtype(table[name]):
-            continue
-        words = table[name].astype("string").str.strip()
-        number = pd.to_numeric(words.str.replace(",", ".", regex=False), errors="coerce")
-        if number.notna().any() and number.notna().sum() >= words.notna().sum():
-            table[name] = number.astype(float)
-    return table
-
-
-def _frame_of(lines: Sequence[str], path: Path) -> pd.DataFrame:
-    at = next((k for k, line in enumerate(lines) if not line.startswith(("#", "%", "//"))), 0)
-    if at > 0 and not re.search(r"[A-Za-z]", lines[at]):
-        # the header itself is a comment, as in numpy.savetxt
-        at -= 1
-        lines = [*lines[:at], lines[at].lstrip("#%/ "), *lines[at + 1 :]]
-    mark = _separator(lines[at])
-    cells = [re.split(mark, line.strip()) for line in lines[at : at + _HEADER_SEARCH_LINES]]
-    refuse_sideways(path, max(map(len, cells)))
-    at += find_header(cells)
-    try:
-        with warnings.catch_warnings():
-            # rows longer than the header: pandas would drop the surplus cells
-            warnings.simplefilter("error", pd.errors.ParserWarning)
-            table = pd.read_csv(
-                io.StringIO("\n".join(lines[at:])),
-                sep=_separator(lines[at]),
-                skipinitialspace=True,
-                engine="python",
-                index_col=False,
-            )
-    except pd.errors.ParserWarning as problem:
-        raise UsageError(
-            f"{path} has rows with more cells than its header",
-            hint="Name every column; the header found is: " + lines[at][:80],
-        ) from problem
-    except (ValueError, pd.errors.ParserError) as problem:
-        raise UsageError(
-            f"{path} is not a table: {problem}{_quote_text(lines, at)}",
-            hint="Write a header line and one row per mark.",
-        ) from problem
-    if len(table) != len(lines) - at - 1:
-        raise UsageError(
-            f"{path}: {len(lines) - at - 1} lines follow the header, but they hold {len(table)}"
-            f" rows{_quote_text(lines, at)}",
-            hint="Remove the stray quotation mark: it joins lines into one cell.",
-        )
-    table.columns = pd.Index([str(name).strip() for name in table.columns])
-    return _with_point_decimals(table)
-
-
-MAX_COLUMNS = 2000
-"""Columns of a table; more are a matrix, or a table written sideways. Chosen: the widest sheets of
-motion capture have some hundreds."""
-
-
-def refuse_sideways(path: Path, columns: int) -> None:
-    """Refuse a table with more columns than any table of trials or samples has."""
-    if columns > MAX_COLUMNS:
-        raise UsageError(
-            f"can't read {path}: its first line has more than {MAX_COLUMNS} columns",
-            hint="Write one row per sample or trial; a table that runs sideways has to be turned.",
-        )
-
-
-_HEADER_SEARCH_LINES = 14
-"""Lines in which the header is searched (chosen: programs write up to ten above it)."""
-
-
-def _quote_text(lines: Sequence[str], at: int) -> str:
-    """Line in which a quotation mark is not closed, for a message."""
-    odd = (k for k, line in enumerate(lines[at + 1 :], start=1) if line.count('"') % 2)
-    first = next(odd, None)
-    return "" if first is None else f"; the quotation mark in line {at + first + 1} is not closed"
-
-
-def _sheet(path: Path) -> pd.DataFrame:
-    read_bytes(path, "a spreadsheet")
-    try:
-        table = pd.read_excel(path, header=None, dtype=object).dropna(how="all")
-    # openpyxl raises many types on damaged files
-    except Exception as problem:
-        raise UsageError(
-            f"{path} is not a spreadsheet: {problem}", hint="Save it again as .xlsx or .csv."
-        ) from problem
-    head = table.head(_HEADER_SEARCH_LINES).map(lambda cell: "" if pd.isna(cell) else str(cell))
-    at = find_header(head.to_numpy().tolist())
-    if table.empty:
-        return table
-    names = [
-        f"Unnamed: {number}" if pd.isna(name) else str(name).strip()
-        for number, name in enumerate(table.iloc[at])
-    ]
-    table = table.iloc[at + 1 :].reset_index(drop=True)
-    table.columns = pd.Index(names)
-    return _with_point_decimals(table.infer_objects())
 
 
 def _values(table: pd.DataFrame, name: str) -> FloatArray:
@@ -594,7 +484,9 @@ def _table_plane() -> PlaneOfMotion:
     return PlaneOfMotion(TABLE_PX_PER_M, Defaults.STICK_SCALE.std, np.zeros(2))
 
 
-def _spreadsheet(table: pd.DataFrame, path: Path, said: Mapping[str, str]) -> ExternalTracks:
+def _spreadsheet(
+    table: pd.DataFrame, path: Path, said: Mapping[str, str], read: Sequence[str] = ()
+) -> ExternalTracks:
     """Any table with a header: trackpy's, this toolkit's, or one with named columns."""
     names = set(table.columns)
     if {"x", "y", "frame", "mass", "size"} <= names:
@@ -605,11 +497,13 @@ def _spreadsheet(table: pd.DataFrame, path: Path, said: Mapping[str, str]) -> Ex
     marks: list[_Marks] = []
     for name, use in uses:
         parts = [(name, table)]
-        if "object" in use.columns:
+        if _names_objects(table, use, said):
             parts = [(str(one), rows) for one, rows in table.groupby(use.columns["object"])]
         marks += [_marks(one or path.stem, rows, use, said) for one, rows in parts]
+    if len(uses) == 1 and "y" not in said:
+        _refuse_other_height(path, table, uses[0][1], marks)
     units = _units(path, uses, marks, said)
-    notes = [note for one in marks for note in one.unread()]
+    notes = [*read, *(note for one in marks for note in one.unread())]
     notes += list(dict.fromkeys(one.note for one in marks if one.note)) + list(units.notes)
     tracks = []
     for one in marks:
@@ -620,6 +514,13 @@ def _spreadsheet(table: pd.DataFrame, path: Path, said: Mapping[str, str]) -> Ex
         tracks.append(_track(one.name, place, one.frame, time))
     plane = None if units.metre is None else _table_plane()
     return _found(path, Program.TABLE, tracks, plane, notes)
+
+
+def _names_objects(table: pd.DataFrame, use: ColumnUse, said: Mapping[str, str]) -> bool:
+    """Whether a column names objects, rather than numbering the rows."""
+    if "object" not in use.columns:
+        return False
+    return "object" in said or 2 * table[use.columns["object"]].nunique() <= len(table)
 
 
 @dataclass(frozen=True)
@@ -698,6 +599,29 @@ def _refuse_exchanged(
         )
 
 
+def _refuse_other_height(
+    path: Path, table: pd.DataFrame, use: ColumnUse, marks: Sequence["_Marks"]
+) -> None:
+    """Refuse a table in space whose flight falls along z.
+
+    Raises
+    ------
+    UsageError
+    """
+    height = next((name for name in table.columns if plain_name(name) in _HEIGHTS), None)
+    if height is None or len(marks) != 1 or marks[0].time is None or marks[0].repeats > 1:
+        return
+    other = replace(marks[0], place=np.column_stack([marks[0].place[:, 0], _values(table, height)]))
+    if units_by_fall([marks[0].for_units()]) is None and units_by_fall([other.for_units()]):
+        raise UsageError(
+            f"{path}: the flight falls along the column {height!r}, not {use.columns['y']!r}",
+            hint=f'Pass --columns "y={height}".',
+        )
+
+
+_HEIGHTS = frozenset(("z", "z_m", "z_cm", "z_mm", "pos_z", "z_pos", "position_z"))
+"""Names of a third dimension, without units."""
+
 _TURNED = "{}: the flight falls to larger y: y is taken as pointing down and turned over."
 
 
@@ -735,13 +659,17 @@ _TIMES_S = {"s": 1.0, "ms": 1e-3}
 
 @dataclass(frozen=True)
 class _Marks:
-    """Rows of one object, as in the table but with times in seconds."""
+    """Rows of one object, as in the table but with times in seconds.
+
+    `repeats` counts the rows that hold each position.
+    """
 
     name: str
     place: FloatArray
     frame: FloatArray | None
     time: FloatArray | None
     note: str = ""
+    repeats: int = 1
 
     def for_units(self) -> tuple[FloatArray, FloatArray]:
         """Times and places of the complete rows, in order."""
@@ -757,6 +685,11 @@ class _Marks:
         whole = np.isfinite(self.place).all(axis=1) & np.isfinite(key)
         count, again = len(whole), int(whole.sum() - len(np.unique(key[whole])))
         said = []
+        if self.repeats > 1:
+            said.append(
+                f"{self.name}: each position stands in {self.repeats} rows, as if every picture"
+                " were there so often; the first of them is used."
+            )
         if not whole.all():
             said.append(
                 f"{self.name}: {int((~whole).sum())} of {count} rows have no position or time"
@@ -780,12 +713,26 @@ def _marks(name: str, rows: pd.DataFrame, use: ColumnUse, said: Mapping[str, str
     place = np.column_stack([_values(rows, use.columns[key]) for key in "xy"])
     frame = _values(rows, use.columns["frame"]) if "frame" in use.columns else None
     if "t" not in use.columns:
-        return _Marks(name, place, frame, None)
+        return _single(_Marks(name, place, frame, None))
     column = use.columns["t"]
     clock = read_clock(rows[column], said.get("t_unit") or unit_of(column))
     if clock is not None:
-        return _Marks(name, place, frame, _even(clock.seconds), clock.note)
-    return _Marks(name, place, frame, _even(_values(rows, column) * use.second))
+        return _single(_Marks(name, place, frame, _even(clock.seconds), clock.note))
+    return _single(_Marks(name, place, frame, _even(_values(rows, column) * use.second)))
+
+
+def _single(marks: _Marks) -> _Marks:
+    """The first of the rows that repeat a position since every picture is there several times."""
+    count = repeats_of(marks.place)
+    if count == 1:
+        return marks
+    new = np.any(np.diff(marks.place, axis=0) != 0.0, axis=1)
+    starts = np.concatenate([[0], np.flatnonzero(new) + 1])
+    row = np.arange(len(marks.place))
+    # of a rest as well, every n-th row
+    kept = (row - starts[np.searchsorted(starts, row, side="right") - 1]) % count == 0
+    frame, time = (None if one is None else one[kept] for one in (marks.frame, marks.time))
+    return replace(marks, place=marks.place[kept], frame=frame, time=time, repeats=count)
 
 
 def _even(time: FloatArray) -> FloatArray:
@@ -835,10 +782,14 @@ def _uses(
         clock = time_column(header)
         if clock is not None and not {"t", "frame"} & stated.keys():
             stated["t"] = clock
-        return [
-            (pair.name, column_use(header, {**stated, "x": pair.x, "y": pair.y}, table))
-            for pair in pairs
-        ]
+        return [(pair.name, _use_of(pair, header, stated, table)) for pair in pairs]
+
+
+def _use_of(
+    pair: AxisColumns, header: Sequence[str], said: Mapping[str, str], table: str
+) -> ColumnUse:
+    own = {} if pair.t is None or {"t", "frame"} & said.keys() else {"t": pair.t}
+    return column_use(header, {**said, **own, "x": pair.x, "y": pair.y}, table)
 
 
 def _trackpy(table: pd.DataFrame, path: Path) -> ExternalTracks:
@@ -874,7 +825,7 @@ def _own(table: pd.DataFrame, path: Path) -> ExternalTracks:
 def _tracker_text(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> ExternalTracks:
     """Tracker's File > Export > Data File: names of the masses, then t and their columns."""
     at = 1 if lines[0].startswith("#multi") else 0
-    mark = _separator(lines[at + 1])
+    mark = separator_of(lines[at + 1])
     heads = [part.strip() for part in re.split(mark, lines[at + 1].strip(" \r\n"))]
     while heads and not heads[-1]:
         heads.pop()
@@ -886,9 +837,9 @@ def _tracker_text(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> 
             for line in lines[at + 2 :]
         ]
     )
-    table = _with_point_decimals(table.replace("", None))
+    table = with_numbers(table.replace("", None))
     time = _even(_values(table, 0))  # type: ignore[arg-type]
-    marks: list[tuple[str, FloatArray | None, FloatArray]] = []
+    marks: list[_Marks] = []
     plane = None
     for name, first, end in _spans(over, heads):
         own = {_head(head): first + k for k, head in enumerate(heads[first:end])}
@@ -906,30 +857,27 @@ def _tracker_text(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> 
         if shift == 0.0:
             plane = _table_plane()
             stated = stated or unit_of(heads[own["x"]])
-        marks.append((name, frame, place - shift))
+        clock = _even(_values(table, own["t"])) if "t" in own else time  # type: ignore[arg-type]
+        marks.append(_Marks(name, place - shift, frame, clock))
     notes: list[str] = []
     metre = 1.0
     if plane is not None:
-        metre, notes = _tracker_unit(marks, time, stated, path.name)
+        metre, notes = _tracker_unit(marks, stated, path.name)
     tracks = []
-    for name, frame, place in marks:
-        notes += _Marks(name, place, frame, time).unread()
-        if plane is not None:
-            place = plane.pixels(place * metre)
-        tracks.append(_track(name, place, frame, time))
+    for one in marks:
+        notes += one.unread()
+        place = one.place if plane is None else plane.pixels(one.place * metre)
+        tracks.append(_track(one.name, place, one.frame, one.time))
     return _found(path, Program.TRACKER, tracks, plane, notes)
 
 
 def _tracker_unit(
-    marks: Sequence[tuple[str, FloatArray | None, FloatArray]],
-    time: FloatArray,
-    stated: str | None,
-    table: str,
+    marks: Sequence["_Marks"], stated: str | None, table: str
 ) -> tuple[float, list[str]]:
     """Metres per unit: stated, by free fall, or the metre, which is Tracker's default."""
     if stated is not None:
         return parse_quantity(f"1 {stated}", "m"), []
-    found = units_by_fall([_Marks(name, place, None, time).for_units() for name, _, place in marks])
+    found = units_by_fall([one.for_units() for one in marks])
     if found is None or found.length == "m":
         return 1.0, []
     return parse_quantity(f"1 {found.length}", "m"), [found.note(table)]
@@ -943,10 +891,12 @@ def _head(head: str) -> str:
 def _spans(over: Sequence[str], heads: Sequence[str]) -> list[tuple[str, int, int]]:
     """Name, first and end column of each mass: names stand above their first column."""
     names = [(name, at) for at, name in enumerate(over) if name] or [("mass A", 1)]
-    starts = [at for _, at in names]
+    clocks = [at for at, head in enumerate(heads) if _head(head) == "t"]
+    # with a clock for each mass its columns begin there
+    starts = clocks if 1 < len(clocks) == len(names) else [at for _, at in names]
     ends = [*starts[1:], len(heads)]
-    found = [(name, at, end) for (name, at), end in zip(names, ends, strict=True)]
-    if starts[0] >= 1 and all(
+    found = [(name, at, end) for (name, _), at, end in zip(names, starts, ends, strict=True)]
+    if (starts[0] >= 1 or starts == clocks) and all(
         {"x", "pixelx"} & set(map(_head, heads[at:end])) for _, at, end in found
     ):
         return found
@@ -1010,7 +960,7 @@ def _kinovea_text(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> 
 
 def _deeplabcut(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> ExternalTracks:
     """Three header lines (four with several animals): scorer, bodyparts, coords."""
-    mark = _separator(lines[0])
+    mark = separator_of(lines[0])
     rows = next((k for k, line in enumerate(lines[:5]) if line.startswith("coords")), None)
     if rows is None:
         raise UsageError(
@@ -1055,7 +1005,7 @@ def _unlikely(count: int) -> tuple[str, ...]:
 
 def _sleap(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> ExternalTracks:
     """``sleap-convert --format analysis.csv``: a row per animal and frame, NODE.x, NODE.y."""
-    table = _frame_of(lines, path)
+    table = frame_of(lines, path)
     nodes = [name[:-2] for name in table.columns if name.endswith(".x")]
     tracks = []
     parts = [("", table)]

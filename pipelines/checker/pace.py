@@ -1,0 +1,134 @@
+"""Find repeated pictures, and a part in slow motion, from a track alone.
+
+At the ends of slow motion the speed jumps along the path, by one factor and back, where no force
+acts. A strike or a bounce changes the direction, or acts once and leaves the fall as it is.
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipelines.checker.fall import find_fall
+
+__all__ = ["SlowPart", "find_slow_part", "repeats_of"]
+
+FloatArray = NDArray[np.float64]
+
+_STEPS = 4
+"""Steps on each side of a jump (chosen: two determine a line, two test it)."""
+
+_MIN_FACTOR = 1.8
+"""Slow motion (convention: factors are 2, 4, 8, …; less may be friction)."""
+
+_MAX_TURN = 0.1
+"""Change of direction at a jump, rad (chosen: that of a fall within a step of 1/30 s)."""
+
+_MAX_MISMATCH = 0.25
+"""Relative difference of factors that are one (chosen: they are found to some percent)."""
+
+_MIN_SIGMAS = 6.0
+"""Jump of speed over its standard uncertainty (chosen)."""
+
+_MIN_RUNS, _MIN_EQUAL = 8, 0.9
+"""Runs of equal rows that show a repetition, and the fraction that has one length (chosen)."""
+
+_MAX_REPEATS = 10
+"""Equal rows of a moving object; more are a rest (chosen)."""
+
+
+@dataclass(frozen=True)
+class SlowPart:
+    """Slow motion before, after or between parts at another speed.
+
+    Attributes
+    ----------
+    first, last : int
+        Rows of the track.
+    factor : float
+        Times slower than the parts around it.
+    """
+
+    first: int
+    last: int
+    factor: float
+
+
+def repeats_of(place: FloatArray) -> int:
+    """How many rows in a row hold each position of the moving object; 1 if each is new."""
+    change = np.flatnonzero(np.any(np.diff(place, axis=0) != 0.0, axis=1)) + 1
+    runs = np.diff(change)
+    runs = runs[runs <= _MAX_REPEATS]
+    if len(runs) < _MIN_RUNS:
+        return 1
+    usual = int(np.median(runs))
+    return usual if np.mean(runs == usual) >= _MIN_EQUAL else 1
+
+
+def find_slow_part(time: FloatArray, place: FloatArray) -> SlowPart | None:
+    """Slow motion in the middle of a track; None if there is none.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Increasing.
+    place : (N, 2) array
+    """
+    if len(time) < 4 * _STEPS:
+        return None
+    jumps = _jumps(time, place)
+    for (first, slower), (last, faster) in itertools.pairwise(jumps):
+        if slower < 1.0 < faster and abs(np.log(slower * faster)) < _MAX_MISMATCH:
+            return SlowPart(first, last, float(np.sqrt(faster / slower)))
+    for row, factor in jumps:
+        if _falls_alike(time, place, row, factor):
+            end = len(time) - 1
+            return SlowPart(0, row, factor) if factor > 1.0 else SlowPart(row, end, 1.0 / factor)
+    return None
+
+
+def _falls_alike(time: FloatArray, place: FloatArray, row: int, factor: float) -> bool:
+    """Whether the fall changes with the square of the speed's factor, as only a clock's does."""
+    before = find_fall(time[: row + 1], place[: row + 1])
+    after = find_fall(time[row:], place[row:])
+    if before is None or after is None:
+        return False
+    ratio = float(np.hypot(*after.acceleration) / np.hypot(*before.acceleration))
+    return bool(abs(np.log(ratio) - 2.0 * np.log(factor)) < 2.0 * _MAX_MISMATCH)
+
+
+def _jumps(time: FloatArray, place: FloatArray) -> list[tuple[int, float]]:
+    """Rows at which the speed jumps along the path, with its factor; the clearest of neighbours."""
+    velocity = np.diff(place, axis=0) / np.diff(time)[:, None]
+    found: list[tuple[int, float, float]] = []
+    for row in range(_STEPS, len(velocity) - _STEPS + 1):
+        before, noise = _at_end(velocity[row - _STEPS : row][::-1])
+        after, more = _at_end(velocity[row : row + _STEPS])
+        speeds = float(np.hypot(*before)), float(np.hypot(*after))
+        slow, fast = sorted(speeds)
+        std = float(np.hypot(noise, more))
+        if slow <= _MIN_SIGMAS * min(noise, more) or fast < _MIN_FACTOR * slow:
+            continue
+        turn = np.arccos(np.clip(before @ after / (slow * fast), -1.0, 1.0))
+        turn -= 2.0 * np.hypot(noise / speeds[0], more / speeds[1])
+        if turn < _MAX_TURN and fast - slow > _MIN_SIGMAS * std:
+            found.append((row, speeds[1] / speeds[0], (fast - slow) / std))
+    kept: list[tuple[int, float, float]] = []
+    for jump in found:
+        if kept and jump[0] - kept[-1][0] <= _STEPS:
+            kept[-1] = max(kept[-1], jump, key=lambda one: one[2])
+        else:
+            kept.append(jump)
+    return [(row, factor) for row, factor, _ in kept]
+
+
+def _at_end(velocity: FloatArray) -> tuple[FloatArray, float]:
+    """Velocity extrapolated by half a step to the row before the first one, with its std."""
+    middle = np.arange(len(velocity)) + 0.5
+    design = np.column_stack([np.ones_like(middle), middle])
+    inverse = np.linalg.inv(design.T @ design)
+    fitted = inverse @ design.T @ velocity
+    rest = velocity - design @ fitted
+    noise = float(np.sqrt((rest**2).sum() / (2 * (len(middle) - 2))))
+    return fitted[0], noise * float(np.sqrt(inverse[0, 0])) + 1e-12 * float(np.abs(velocity).max())

@@ -1,0 +1,317 @@
+"""Read any text or spreadsheet as a table with a header and numbers.
+
+Encoding, separator, decimal marks, lines above the header and units below it are recognised.
+"""
+
+import csv
+import io
+import re
+import warnings
+from collections.abc import Sequence
+from itertools import zip_longest
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from metrology import UsageError
+from pipelines.interop.external import read_bytes
+from pipelines.interop.headers import find_header, is_unit_row, is_value
+
+__all__ = [
+    "frame_of",
+    "read_table",
+    "refuse_sideways",
+    "separator_of",
+    "sheet_of",
+    "text_lines",
+    "text_of",
+    "with_numbers",
+]
+
+MAX_COLUMNS = 2000
+"""Columns of a table; more are a matrix, or a table written sideways. Chosen: the widest sheets of
+motion capture have some hundreds."""
+
+_HEADER_SEARCH_LINES = 14
+"""Lines in which the header is searched (chosen: programs write up to ten above it)."""
+
+_BLANKS = r"\s+(?![(\[])"
+"""Blanks between columns; a unit in brackets belongs to the name before it."""
+
+
+def text_of(data: bytes) -> str:
+    """Text of unknown encoding: UTF-8, UTF-16 with a byte order mark, or Latin-1."""
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return data.decode("utf-16", errors="replace")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def text_lines(path: Path, what: str) -> list[str]:
+    """Lines of a text that are not blank, without a spreadsheet's line ``sep=;``.
+
+    Raises
+    ------
+    UsageError
+        If it can't be read, or is empty.
+    """
+    text = text_of(read_bytes(path, what))
+    lines = [line for line in text.splitlines() if line.strip()]
+    if lines and re.fullmatch(r"\"?sep=.\"?", lines[0].strip(), re.IGNORECASE):
+        lines = lines[1:]
+    if not lines:
+        raise UsageError(
+            f"{path} is empty",
+            hint="Export it again: a header line and one row per mark or trial.",
+        )
+    return lines
+
+
+def read_table(path: Path, what: str, notes: list[str] | None = None) -> pd.DataFrame:
+    """Read any table with a header line: text with any separator and decimals, or XLSX.
+
+    Parameters
+    ----------
+    path : Path
+    what : str
+        Kind of table, for messages.
+    notes : list of str, optional
+        Receives what was not as usual.
+
+    Raises
+    ------
+    UsageError
+        If it can't be read, is empty, or a quote swallows lines.
+    """
+    if path.suffix.lower() == ".xlsx":
+        return sheet_of(path)
+    return frame_of(text_lines(path, what), path, notes=notes)
+
+
+def frame_of(
+    lines: Sequence[str],
+    path: Path,
+    bare: Sequence[str] = (),
+    notes: list[str] | None = None,
+) -> pd.DataFrame:
+    """A table from the lines of a text.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        Without blank ones.
+    path : Path
+        For messages.
+    bare : sequence of str
+        Names of the columns of a table without a header and with as many columns.
+    notes : list of str, optional
+        Receives what was not as usual.
+
+    Raises
+    ------
+    UsageError
+        If there is no header, or the rows do not fit it.
+    """
+    notes = [] if notes is None else notes
+    at = next((k for k, line in enumerate(lines) if not line.startswith(("#", "%", "//"))), 0)
+    if at > 0 and not re.search(r"[A-Za-z]", lines[at]):
+        # the header itself is a comment, as in numpy.savetxt
+        at -= 1
+        lines = [*lines[:at], lines[at].lstrip("#%/ "), *lines[at + 1 :]]
+    searched = lines[at : at + _HEADER_SEARCH_LINES]
+    # not that of a title above the header
+    mark = separator_of(next((one for one in searched[:-1] if _is_split(one)), searched[0]))
+    first = [_cells(line, mark) for line in searched]
+    refuse_sideways(path, max(map(len, first)))
+    above = find_header(first)
+    mark = separator_of(lines[at + above])
+    rows: Sequence[str] = lines[at + above + 1 :]
+    header = [cell.strip() for cell in _cells(lines[at + above], mark)]
+    if above and is_unit_row(header):
+        header = _with_units(_cells(lines[at + above - 1], mark), header)
+    if header and all(is_value(cell) for cell in header if cell):
+        header, rows = _named(header, bare, path, notes), [lines[at + above], *rows]
+    if mark == ",":
+        rows = _joined_decimals(rows, len(header), path, notes)
+    return with_numbers(_parsed(header, rows, mark, path, len(lines) - len(rows)))
+
+
+def _is_split(line: str) -> bool:
+    return any(mark in line for mark in "\t;,")
+
+
+def _cells(line: str, mark: str) -> list[str]:
+    if len(mark) > 1:
+        return re.split(mark, line.strip())
+    try:
+        return next(csv.reader([line.strip("\r\n")], delimiter=mark, skipinitialspace=True), [])
+    except csv.Error:
+        return line.split(mark)
+
+
+def _with_units(names: Sequence[str], units: Sequence[str]) -> list[str]:
+    """Heads of a row of names and a row of units."""
+    pairs = zip_longest(names, units, fillvalue="")
+    bare = [(name.strip(), unit.strip("()[] ")) for name, unit in pairs]
+    return [f"{name} ({unit})" if unit else name for name, unit in bare]
+
+
+def _named(header: Sequence[str], bare: Sequence[str], path: Path, notes: list[str]) -> list[str]:
+    """Names of the columns of a table without a header.
+
+    Raises
+    ------
+    UsageError
+        If they are unknown.
+    """
+    if bare and len(header) == len(bare):
+        listed = ", ".join(bare)
+        notes.append(f"{path.name} has no header; its columns are read as {listed}.")
+        return list(bare)
+    raise UsageError(
+        f"{path.name} has no header: its first line holds numbers ({', '.join(header[:4])})",
+        hint="Write the names of the columns into a first line, such as t (s),x (m),y (m).",
+    )
+
+
+def _joined_decimals(
+    rows: Sequence[str], count: int, path: Path, notes: list[str]
+) -> Sequence[str]:
+    """Rows with twice the cells of the header, whose decimal commas split every number.
+
+    Raises
+    ------
+    UsageError
+        If commas separate columns and decimals in some rows.
+    """
+    cells = [_cells(row, ",") for row in rows]
+    widths = np.array([len(row) for row in cells])
+    if not len(rows) or '"' in rows[0] or not np.mean(widths > count) > _MIN_SPLIT_ROWS:
+        return rows
+    digits = all(re.fullmatch(r"\d+", cell.strip()) for row in cells for cell in row[1::2])
+    if np.all(widths == 2 * count) and digits:
+        notes.append(f"{path.name}: commas separate columns and decimals; they are told apart.")
+        return [
+            ",".join(f"{a}.{b}" for a, b in zip(row[::2], row[1::2], strict=True)) for row in cells
+        ]
+    worst = int(np.argmax(widths))
+    raise UsageError(
+        f"{path}: row {worst + 1} has {widths[worst]} cells, the header {count}: commas separate"
+        " the columns and seem to be decimal commas, too",
+        hint="Export it with decimal points, or with semicolons between the columns.",
+    )
+
+
+_MIN_SPLIT_ROWS = 0.5
+"""Fraction of rows longer than the header that are no slips (chosen)."""
+
+
+def _parsed(
+    header: Sequence[str], rows: Sequence[str], mark: str, path: Path, above: int
+) -> pd.DataFrame:
+    """Cells as text or numbers; `above` counts the lines above the rows."""
+    if len(mark) > 1:
+        rows, mark = ["\t".join(_cells(row, mark)) for row in rows], "\t"
+    text = io.StringIO()
+    csv.writer(text, delimiter=mark, lineterminator="\n").writerow(header)
+    text.write("\n".join(rows))
+    text.seek(0)
+    try:
+        with warnings.catch_warnings():
+            # rows longer than the header: pandas would drop the surplus cells
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            table = pd.read_csv(
+                text, sep=mark, skipinitialspace=True, engine="python", index_col=False
+            )
+    except pd.errors.ParserWarning as problem:
+        raise UsageError(
+            f"{path} has rows with more cells than its header",
+            hint="Name every column; the header found is: " + mark.join(header)[:80],
+        ) from problem
+    except (ValueError, pd.errors.ParserError) as problem:
+        raise UsageError(
+            f"{path} is not a table: {problem}{_quote_text(rows, above)}",
+            hint="Write a header line and one row per mark.",
+        ) from problem
+    if len(table) != len(rows):
+        raise UsageError(
+            f"{path}: {len(rows)} lines follow the header, but they hold {len(table)}"
+            f" rows{_quote_text(rows, above)}",
+            hint="Remove the stray quotation mark, or the line break within a cell: it joins lines"
+            " into one cell.",
+        )
+    table.columns = pd.Index([str(name).strip() for name in table.columns])
+    return table
+
+
+def _quote_text(rows: Sequence[str], above: int) -> str:
+    """Line in which a quotation mark is not closed, for a message."""
+    first = next((k for k, row in enumerate(rows, start=1) if row.count('"') % 2), None)
+    return "" if first is None else f"; the quotation mark in line {above + first} is not closed"
+
+
+def refuse_sideways(path: Path, columns: int) -> None:
+    """Refuse a table with more columns than any table of trials or samples has."""
+    if columns > MAX_COLUMNS:
+        raise UsageError(
+            f"can't read {path}: its first line has more than {MAX_COLUMNS} columns",
+            hint="Write one row per sample or trial; a table that runs sideways has to be turned.",
+        )
+
+
+def sheet_of(path: Path) -> pd.DataFrame:
+    """The first sheet of a spreadsheet.
+
+    Raises
+    ------
+    UsageError
+        If it can't be read.
+    """
+    read_bytes(path, "a spreadsheet")
+    try:
+        table = pd.read_excel(path, header=None, dtype=object).dropna(how="all")
+    # openpyxl raises many types on damaged files
+    except Exception as problem:
+        raise UsageError(
+            f"{path} is not a spreadsheet: {problem}", hint="Save it again as .xlsx or .csv."
+        ) from problem
+    head = table.head(_HEADER_SEARCH_LINES).map(lambda cell: "" if pd.isna(cell) else str(cell))
+    cells = head.to_numpy().tolist()
+    at = find_header(cells)
+    if table.empty:
+        return table
+    names = [str(cell).strip() for cell in cells[at]]
+    if at and is_unit_row(names):
+        names = _with_units(cells[at - 1], names)
+    table = table.iloc[at + 1 :].reset_index(drop=True)
+    table.columns = pd.Index([name or f"Unnamed: {k}" for k, name in enumerate(names)])
+    return with_numbers(table.infer_objects())
+
+
+def separator_of(line: str) -> str:
+    """Separator of a header: tab, semicolon or comma; blanks without any."""
+    return next((mark for mark in ("\t", ";", ",") if mark in line), _BLANKS)
+
+
+_MARKS = str.maketrans({"\u2212": "-", "\u2013": "-", "\u00a0": "", "\u202f": "", "'": ""})
+"""Minus signs and separators of thousands as typeset."""
+
+
+def with_numbers(table: pd.DataFrame) -> pd.DataFrame:
+    """Convert columns of numbers with a decimal comma, marks of thousands or a long minus."""
+    for name in table.columns:
+        if pd.api.types.is_numeric_dtype(table[name]):
+            continue
+        words = table[name].astype("string").str.strip().str.translate(_MARKS)
+        comma, point = words.str.rfind(","), words.str.rfind(".")
+        if bool(((comma > point) & (point >= 0)).any()):
+            words = words.str.replace(".", "", regex=False)
+        elif bool(((point > comma) & (comma >= 0)).any()):
+            words = words.str.replace(",", "", regex=False)
+        number = pd.to_numeric(words.str.replace(",", ".", regex=False), errors="coerce")
+        if number.notna().any() and number.notna().sum() >= words.notna().sum():
+            table[name] = number.astype(float)
+    return table
