@@ -1,6 +1,5 @@
 """`vision law`: fit a law of restitution to strikes, heights or bounce times."""
 
-import difflib
 import itertools
 import json
 import math
@@ -47,6 +46,7 @@ from pipelines.measure.files import software_version
 from pipelines.report.inputs import ReportInput
 from pipelines.report.page import write_report
 from pipelines.setup.cor_file import ball_law, write_cor_file
+from pipelines.setup.file import meant_name
 from pipelines.setup.tables import BallSetup, Setup
 from pipelines.terminal import screen
 
@@ -631,14 +631,16 @@ class _Reader:
     def _ball(self, name: str) -> BallSetup | None:
         if name in self.setup.balls:
             return self.setup.balls[name]
-        known = {one.casefold(): one for one in (*self.setup.balls, *BALLS)}
-        meant = difflib.get_close_matches(name.casefold(), known, n=1, cutoff=0.75)
-        if name and meant and name not in BALLS:
+        meant = meant_name(name, (*self.setup.balls, *BALLS))
+        if meant and meant.casefold() != name.casefold():
             raise UsageError(
-                f"{self.name}: unknown ball {name!r}; did you mean {known[meant[0]]!r}?",
-                hint=f"Write {known[meant[0]]} in the column ball, or describe [balls.{name}] in"
-                " the setup file.",
+                f"{self.name}: unknown ball {name!r}; did you mean {meant!r}?",
+                hint=f"Write {meant} in the column ball, or describe [balls.{name}] in the setup"
+                " file.",
             )
+        name = meant or name
+        if name in self.setup.balls:
+            return self.setup.balls[name]
         if self.setup.ball is not None:
             return self.setup.ball
         if not name and len(self.setup.balls) == 1:

@@ -14,6 +14,7 @@ import pandas as pd
 
 from metrology import ImpactVisionError, MeasurementError, UsageError, write_text_whole
 from metrology.files import printable
+from physics.bodies import BALLS
 from physics.cor_fit import AveragedLaw, Estimate, LawKind, lack_of_fit
 from pipelines.api.explained import explain as find_missing_physics
 from pipelines.api.quantities import measure_options, setup_from
@@ -33,6 +34,7 @@ from pipelines.campaign.results import (
     read_lab_book,
     recordings,
     results_frame,
+    with_known_balls,
     write_tables,
 )
 from pipelines.campaign.run import (
@@ -48,7 +50,7 @@ from pipelines.campaign.run import (
 )
 from pipelines.measure.files import software_version
 from pipelines.setup.cor_file import BallLaw, ball_law, with_laws, write_cor_file
-from pipelines.setup.file import Setup, ball_from_option
+from pipelines.setup.file import Setup, ball_from_option, meant_name
 from pipelines.setup.tables import checked_values
 from pipelines.terminal import counted
 
@@ -393,6 +395,7 @@ def conduct(
     found = find_clips(asked.clips)
     book = None if asked.trials is None else read_lab_book(asked.trials)
     setup = setup_from(asked.setup)
+    book = None if book is None else with_known_balls(book, setup.balls)
     measure_options(setup, asked.fps, None, asked.wall_grid)
     matched = match_clips(book, found)
     _require_balls(book, setup, asked.ball)
@@ -581,8 +584,9 @@ def _require_balls(book: LabBook | None, setup: Setup, ball: str | None) -> None
             ball_from_option(name)
         except UsageError as problem:
             known = ", ".join(setup.balls) or "none"
+            meant = meant_name(name, (*setup.balls, *BALLS))
             raise UsageError(
-                f"unknown ball {name!r}",
+                f"unknown ball {name!r}" + (f"; did you mean {meant!r}?" if meant else ""),
                 hint=f"Describe it as [balls.{name}] in the setup file (present there: {known}).",
             ) from problem
 

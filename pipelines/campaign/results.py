@@ -16,10 +16,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from metrology import UsageError, write_text_whole
+from metrology import UsageError, parse_quantity, write_text_whole
 from metrology.files import printable, written_whole
 from pipelines.campaign.files import clip_key
 from pipelines.campaign.ledger import Entry, State
+from pipelines.interop.headers import folded
 from pipelines.measure.files import column_name, without_formulas
 from pipelines.measure.inputs import QUANTITY_UNITS, main_quantities
 from vision.tracks import MotionKind
@@ -41,6 +42,7 @@ __all__ = [
     "read_lab_book",
     "recordings",
     "results_frame",
+    "with_known_balls",
     "write_tables",
 ]
 
@@ -152,8 +154,9 @@ def read_lab_book(path: Path) -> LabBook:
         If it can't be read, has no column ``clip``, names a clip twice, or a numeric cell does not
         parse; the message gives line and column.
     """
-    table, notes = _table(path)
+    table, notes, above = _table(path)
     table.columns = [str(column).strip() for column in table.columns]
+    table.index = pd.RangeIndex(above + 2, above + 2 + len(table))
     table, converted = _with_known_columns(path, table)
     notes = (*notes, *converted)
     repeated = [name for name in table.columns if list(table.columns).count(name) > 1]
@@ -166,12 +169,22 @@ def read_lab_book(path: Path) -> LabBook:
         )
     strikes = tuple(
         _strike(path, line, row)
-        for line, row in enumerate(table.to_dict("records"), start=2)
+        for line, row in zip(table.index, table.to_dict("records"), strict=True)
         if any(str(cell).strip() for cell in row.values())
     )
     _refuse_twice(path, strikes)
     columns = ("clip", *(name for name in table.columns if name != CLIP_COLUMN))
     return _without_reserved(LabBook(strikes, columns, notes))
+
+
+def with_known_balls(book: LabBook, names: Iterable[str]) -> LabBook:
+    """The lab book with the balls' names spelled as in the set-up: letter case is ignored."""
+    known = {name.casefold(): name for name in names}
+    strikes = tuple(
+        row if row.ball is None else replace(row, ball=known.get(row.ball.casefold(), row.ball))
+        for row in book.strikes
+    )
+    return replace(book, strikes=strikes)
 
 
 _LENGTH, _TIME = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}, {"s": 1.0, "ms": 1e-3}
@@ -198,11 +211,9 @@ def _with_known_columns(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, 
     notes: list[str] = []
     renamed: dict[str, str] = {}
     for name in map(str, table.columns):
-        plain = re.sub(r"[\s\-]+", "_", re.sub(r"[\(\[]\s*(.*?)\s*[\)\]]", r" \1", name).strip())
-        suffix = "_std" if plain.lower().endswith("_std") else ""
-        bare = plain[: len(plain) - len(suffix)].lower()
-        if bare in ("clip", "ball", "session") and not suffix:
-            renamed[name] = bare
+        bare, suffix = _bare_name(name)
+        if bare in _WORD_COLUMNS and not suffix:
+            renamed[name] = _WORD_COLUMNS[bare]
             continue
         for wanted, (stem, factors) in _OTHER_UNITS.items():
             unit = bare.removeprefix(f"{stem}_")
@@ -217,15 +228,66 @@ def _with_known_columns(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, 
             elif bare.startswith(f"{stem}_") and unit in factors:
                 cells = [
                     _converted(path, line, name, cell, factors[unit])
-                    for line, cell in enumerate(table[name], start=2)
+                    for line, cell in zip(table.index.tolist(), table[name], strict=True)
                 ]
                 table[name] = pd.Series(cells, index=table.index, dtype=object)
                 renamed[name] = wanted + suffix
                 notes.append(f"The column {name} is converted to {wanted}{suffix}.")
-    clash = [new for old, new in renamed.items() if new != old and new in table.columns]
+    given = list(renamed.values())
+    clash = [new for new in given if given.count(new) > 1]
     if clash:
         raise UsageError(f"{path} has two columns for {clash[0]}", hint="Remove one of them.")
-    return table.rename(columns=renamed), tuple(notes)
+    unused = [name for name in map(str, table.columns) if name not in renamed]
+    return table.rename(columns=renamed), (*notes, *_unused_notes(unused))
+
+
+def _bare_name(name: str) -> tuple[str, str]:
+    """A column's name in small letters with its unit behind it, and its ending ``_std``."""
+    unit = re.sub(r"[\(\[/]\s*(.*?)\s*[\)\]]?\s*$", r" \1", name).strip().replace("°", "deg")
+    plain = re.sub(r"[\s\-]+", "_", folded(unit))
+    suffix = "_std" if plain.endswith("_std") else ""
+    bare = plain.removesuffix(suffix)
+    for word, stem in _STEMS.items():
+        if bare == word or bare.startswith(f"{word}_"):
+            return stem + bare.removeprefix(word), suffix
+    return bare, suffix
+
+
+_WORD_COLUMNS = {
+    word: column
+    for column, words in {
+        "clip": "clip video film file filename datei fichier archivo",
+        "ball": "ball kugel balle ballon pelota bola",
+        "session": "session sitzung seance sesion",
+    }.items()
+    for word in words.split()
+}
+"""Names of columns of words, without accents."""
+
+_STEMS = {
+    "backswing_angle": "backswing",
+    "auslenkung": "backswing",
+    "angle_de_lacher": "backswing",
+    "amplitude": "backswing",
+    "amplitud": "backswing",
+    "massband": "landing_tape",
+}
+"""Other names of numbers."""
+
+
+def _unused_notes(names: Sequence[str]) -> tuple[str, ...]:
+    """Which columns are kept without being used, with the names that may be meant."""
+    if not names:
+        return ()
+    said = f"Columns of the lab book that are kept but not used: {', '.join(names)}."
+    for name in names:
+        words = set(_bare_name(name)[0].split("_"))
+        for wanted, (stem, _) in _OTHER_UNITS.items():
+            if words & ({*stem.split("_")} - {"time", "speed"}):
+                said += f" If {name} is the instrument's reading, name it {wanted}, or with its"
+                said += f" unit, as {stem}_cm." if wanted.endswith("_m") else " unit."
+                break
+    return (said,)
 
 
 def _converted(path: Path, line: int, column: str, cell: object, factor: float) -> object:
@@ -263,7 +325,8 @@ def _without_reserved(book: LabBook) -> LabBook:
     return LabBook(strikes, columns, (*book.notes, note))
 
 
-def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
+def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...], int]:
+    """Cells below the header, notes, and the number of lines above the header."""
     if path.exists() and not path.is_file():
         kind = "a folder" if path.is_dir() else "a device or a pipe"
         raise UsageError(
@@ -283,7 +346,8 @@ def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
                 f"{path} is not a readable XLSX file: {problem}",
                 hint="Save it again as .xlsx or .csv.",
             ) from problem
-        return sheet.map(lambda cell: cell.isoformat() if hasattr(cell, "isoformat") else cell), ()
+        cells = sheet.map(lambda cell: cell.isoformat() if hasattr(cell, "isoformat") else cell)
+        return cells, (), 0
     text = _text(path)
     for number, line in enumerate(text.splitlines(), start=1):
         if line.count('"') % 2:
@@ -292,11 +356,17 @@ def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
                 " join the lines that follow into one cell",
                 hint='Remove the quotation mark ("), or write the cell in one line.',
             )
-    head = text.splitlines()[0] if text.strip() else ""
+    above = _lines_above(text)
+    below = text.splitlines(keepends=True)[above:]
+    head = below[0] if text.strip() else ""
     separator = max((",", ";", "\t"), key=head.count)
     try:
         table = pd.read_csv(
-            io.StringIO(text), sep=separator, dtype=str, keep_default_na=False, header=None
+            io.StringIO("".join(below)),
+            sep=separator,
+            dtype=str,
+            keep_default_na=False,
+            header=None,
         )
     except (pd.errors.ParserError, pd.errors.EmptyDataError) as problem:
         raise UsageError(
@@ -308,7 +378,22 @@ def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
     table.columns = table.iloc[0]
     table = table.iloc[1:]
     notes = () if separator == "," else (f"columns of {path.name} are separated by {separator!r}",)
-    return table, notes
+    if above:
+        notes = (*notes, f"The first {above} lines of {path.name}, above its header, are not used.")
+    return table, notes, above
+
+
+def _lines_above(text: str) -> int:
+    """Lines above the one with a column of clips, such as a title."""
+    for number, line in enumerate(text.splitlines()[:_TITLE_LINES]):
+        cells = [cell.strip(' "\ufeff') for cell in re.split(r"[,;\t]", line)]
+        if any(_WORD_COLUMNS.get(_bare_name(cell)[0]) == CLIP_COLUMN for cell in cells):
+            return number
+    return 0
+
+
+_TITLE_LINES = 12
+"""Lines in which the header is searched (chosen)."""
 
 
 def _text(path: Path) -> str:
@@ -380,13 +465,26 @@ def _number(path: Path, line: int, column: str, cell: object) -> float:
     try:
         value = float(text)
     except ValueError:
-        value = math.nan
+        value = _with_unit(column, text)
     if not math.isfinite(value):
         raise UsageError(
             f"{path}, line {line}: {column} is {cell!r}, which is not a number",
             hint="Write it as 12.5 or 12,5, or leave the cell empty.",
         )
     return value
+
+
+def _with_unit(column: str, text: str) -> float:
+    """A number with its unit in the cell, in the unit of the column; NaN if it is none."""
+    unit = next((one for one in _UNITS_AT_END if column.removesuffix("_std").endswith(one)), "")
+    try:
+        return parse_quantity(text.replace("°", " deg"), _UNITS_AT_END[unit]) if unit else math.nan
+    except UsageError:
+        return math.nan
+
+
+_UNITS_AT_END = {"_deg": "deg", "_m_s": "m/s", "_m": "m", "_s": "s"}
+"""Units at the end of a column's name; the longer ones first."""
 
 
 def _refuse_twice(path: Path, strikes: Sequence[LabBookRow]) -> None:

@@ -40,7 +40,7 @@ from pipelines.explain.clips import (
 )
 from pipelines.explain.own_effects import check_effect, effect_limits, load_effects
 from pipelines.explain.tabular import Sheet, TableLike, name_of, numbers_of, read_sheet
-from pipelines.interop.tables import made_elsewhere
+from pipelines.interop.tables import made_elsewhere, read_samples
 from pipelines.setup.file import BallSetup, Setup, load_setup
 
 __all__ = [
@@ -220,7 +220,11 @@ def _samples(
         from pipelines.interop.measured import track_table
 
         source = track_table(source, setup.columns)
+    notes: tuple[str, ...] = ()
+    if isinstance(source, Path) and "phi_rad" not in needed and not _is_own(source):
+        source, notes = read_samples(source, setup.columns)
     sheet = read_sheet(source, SAMPLE_UNITS, ("trial", *WORD_COLUMNS))
+    sheet = replace(sheet, notes=(*notes, *sheet.notes))
     table = sheet.table
     if is_track_table(table):
         if "phi_rad" in needed:
@@ -229,6 +233,22 @@ def _samples(
             table = flight_rows(table, trial, _rest_height(setup))
         table = table.assign(trial=table.get("trial", trial))
     return _checked(replace(sheet, table=table), needed)
+
+
+def _is_own(path: Path) -> bool:
+    """Whether a table has the columns of samples or tracks as they are named here.
+
+    A table that has some of them is reported by its missing ones.
+    """
+    if path.suffix.lower() == ".xlsx":
+        return False
+    try:
+        columns = set(read_sheet(path, SAMPLE_UNITS, rows=1).table.columns)
+    except UsageError:
+        return not path.is_file()
+    return is_track_table(pd.DataFrame(columns=list(columns))) or (
+        "t_s" in columns and bool(columns & {"x_m", "y_m", "z_m", "phi_rad"})
+    )
 
 
 def _rest_height(setup: Setup) -> float:

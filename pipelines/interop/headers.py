@@ -107,8 +107,8 @@ def _axis(words: Sequence[str]) -> str | None:
 def positions_of(header: Sequence[str]) -> tuple[AxisColumns, ...]:
     """Pairs of columns that are the positions of objects, in the order of the table.
 
-    Runs side by side, told apart by their numbers, are objects. Empty if an object has two columns
-    for one axis: they must be named by the user.
+    Runs side by side, distinguished by their numbers, are objects. Empty if an object has two
+    columns for one axis: they must be named by the user.
     """
     return _pairs(header, runs=False) or _pairs(header, runs=True)
 
@@ -135,7 +135,7 @@ def _pairs(header: Sequence[str], runs: bool) -> tuple[AxisColumns, ...]:
 
 
 def _object(words: Sequence[str], axis: str, runs: bool) -> str:
-    """What remains of a column's name: the object, with its run if runs are told apart."""
+    """What remains of a column's name: the object, with its run if runs are distinguished."""
     known = _DESCRIPTIONS | (_TIME if axis == "t" else _AXES[axis])
     rest = [word for word in words if word not in known and not word.isdigit()]
     numbers = [word for word in words if word.isdigit()] if runs else []

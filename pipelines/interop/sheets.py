@@ -193,7 +193,7 @@ def _joined_decimals(
         return rows
     digits = all(re.fullmatch(r"\d+", cell.strip()) for row in cells for cell in row[1::2])
     if np.all(widths == 2 * count) and digits:
-        notes.append(f"{path.name}: commas separate columns and decimals; they are told apart.")
+        notes.append(f"{path.name}: commas separate columns and decimals; they are distinguished.")
         return [
             ",".join(f"{a}.{b}" for a, b in zip(row[::2], row[1::2], strict=True)) for row in cells
         ]

@@ -63,6 +63,7 @@ __all__ = [
     "made_elsewhere",
     "parse_columns",
     "plain_name",
+    "read_samples",
     "read_table_of_tracks",
     "unit_of",
 ]
@@ -514,6 +515,84 @@ def _spreadsheet(
         tracks.append(_track(one.name, place, one.frame, time))
     plane = None if units.metre is None else _table_plane()
     return _found(path, Program.TABLE, tracks, plane, notes)
+
+
+def read_samples(path: Path, said: Mapping[str, str]) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """Any table of positions as samples in SI units, with notes on reading it.
+
+    Parameters
+    ----------
+    path : Path
+        Text or spreadsheet with positions and times, and perhaps trials or runs side by side.
+    said : mapping of str to str
+        As `parse_columns`.
+
+    Returns
+    -------
+    table : DataFrame
+        Columns trial, t_s, x_m, y_m.
+    notes : tuple of str
+
+    Raises
+    ------
+    UsageError
+        If it can't be read, or its units can't be determined.
+    """
+    notes: list[str] = []
+    if path.suffix.lower() == ".xlsx":
+        table = sheet_of(path)
+    else:
+        table = frame_of(text_lines(path, "a table of samples"), path, _BARE_COLUMNS, notes)
+    uses = _uses(list(table.columns), said, path.name)
+    marks: list[_Marks] = []
+    facts: list[dict[str, Any]] = []
+    for name, use in uses:
+        if "t" not in use.columns:
+            raise UsageError(
+                f"{path.name} has frame numbers and no times",
+                hint="Add a column t (s): the frame number over the camera's rate.",
+            )
+        trials = _trials(table, use, name or path.stem)
+        marks += [_marks(trial, rows, use, said) for trial, rows in trials]
+        facts += [_constants(rows) for _, rows in trials]
+    used = {column for _, use in uses for column in use.columns.values()}
+    unused = [name for name in map(str, table.columns) if name not in used | {*facts[0]}]
+    if unused:
+        notes.append(f"{path.name}: not used: {_listed(unused)}.")
+    _refuse_other_height(path, table, uses[0][1], marks)
+    units = _units(path, uses, marks, said)
+    if units.metre is None:
+        raise UsageError(
+            f"{path.name} states no unit of its positions, and its fall shows none",
+            hint='Pass --columns "unit=cm" (m, cm, mm, in); pixels need a scale: measure them with'
+            " vision measure --from-tracks FILE --tracks TRACKS.csv first.",
+        )
+    notes += [note for one in marks for note in one.unread()]
+    notes += list(dict.fromkeys(one.note for one in marks if one.note)) + list(units.notes)
+    parts = [
+        _samples_of(one, units).assign(**known) for one, known in zip(marks, facts, strict=True)
+    ]
+    return pd.concat(parts, ignore_index=True), tuple(notes)
+
+
+def _constants(rows: pd.DataFrame) -> dict[str, Any]:
+    """What a table states of a trial beside its samples."""
+    kept = ("ball", "session", "backswing_deg")
+    return {name: rows[name].iloc[0] for name in kept if name in rows.columns}
+
+
+def _trials(table: pd.DataFrame, use: ColumnUse, name: str) -> list[tuple[str, pd.DataFrame]]:
+    if "trial" not in use.columns:
+        return [(name, table)]
+    return [(str(one), rows) for one, rows in table.groupby(use.columns["trial"], sort=False)]
+
+
+def _samples_of(marks: "_Marks", units: "_TableScale") -> pd.DataFrame:
+    assert marks.time is not None
+    assert units.metre is not None
+    place = marks.place * units.signs * units.metre
+    columns = {"t_s": marks.time * units.second, "x_m": place[:, 0], "y_m": place[:, 1]}
+    return pd.DataFrame({"trial": marks.name, **columns}).dropna()
 
 
 def _names_objects(table: pd.DataFrame, use: ColumnUse, said: Mapping[str, str]) -> bool:

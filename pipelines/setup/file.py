@@ -3,8 +3,9 @@
 Every key is optional; an unknown key is an error that names the nearest valid one (contract).
 """
 
+import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -64,6 +65,7 @@ __all__ = [
     "WallSetup",
     "ball_from_option",
     "load_setup",
+    "meant_name",
     "read_setup",
     "rig_of",
     "setup_from_document",
@@ -125,6 +127,13 @@ def setup_from_document(
         raise SetupError(f"{name}: {problem.message}", hint=problem.hint) from problem
 
 
+def meant_name(text: str, names: Iterable[str]) -> str:
+    """The name that is written, or most probably meant: letter case is ignored; "" for none."""
+    known = {name.casefold(): name for name in names}
+    alike = difflib.get_close_matches(text.strip().casefold(), known, n=1, cutoff=0.75)
+    return known[alike[0]] if alike else ""
+
+
 def ball_from_option(text: str) -> BallSetup:
     """Ball of ``--ball``: name of a preset, or a diameter such as ``220mm``.
 
@@ -133,13 +142,15 @@ def ball_from_option(text: str) -> BallSetup:
     UsageError
         If it is neither.
     """
-    if text in bodies.BALLS:
-        return BallSetup.preset(text)
+    preset = meant_name(text, bodies.BALLS)
+    if preset in bodies.BALLS and preset.casefold() == text.strip().casefold():
+        return BallSetup.preset(preset)
     try:
         diameter = read_given(text, measurands.BALL_DIAMETER, "--ball")
     except UnitError as problem:
+        meant = f"; did you mean {preset!r}?" if preset else ""
         raise UsageError(
-            f"--ball {text!r} is neither a preset nor a diameter",
+            f"--ball {text!r} is neither a preset nor a diameter{meant}",
             hint=f"Presets: {', '.join(bodies.BALLS)}; or a diameter such as '220 mm'.",
         ) from problem
     return BallSetup(text, diameter.value, diameter_std=diameter.std)

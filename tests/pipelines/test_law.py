@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
 import impact_vision as iv
-from metrology import DomainError, TooLittleDataError, UsageError
+from metrology import DomainError, ImpactVisionError, TooLittleDataError, UsageError
 from physics.air import PAPER_AIR, standard_drag
 from physics.bodies import BALLS, GRAVITY
 from physics.cor_fit import AveragedLaw
@@ -225,3 +225,39 @@ def test_mistaken_options_are_errors() -> None:
         iv.law(pd.DataFrame({"v": [1.0, -2, 3], "e": [0.8, 0.8, 0.8]}))
     with pytest.raises(TooLittleDataError):
         iv.law(pd.DataFrame({"v": [1.0], "e": [0.8]}))
+
+
+_HEADS = {
+    "German": "Fallhöhe (cm);Rücksprunghöhe (cm)",
+    "French": "Hauteur de chute (cm);Hauteur de rebond (cm)",
+    "Spanish": "ALTURA INICIAL (CM);ALTURA DE REBOTE (CM)",
+    "a title": "Drops of 3 May\nh0 / cm;h1 / cm",
+    "a row of units": "drop height;rebound height\ncm;cm",
+}
+
+
+@pytest.mark.parametrize("name", _HEADS)
+def test_heads_in_other_languages_and_places(name: str, tmp_path: Path) -> None:
+    heights = np.array([50.0, 80.0, 100.0, 120.0, 150.0])
+    rows = "".join(f"{h:.1f};{0.6 * h:.2f}\n".replace(".", ",") for h in heights)
+    path = tmp_path / "a.csv"
+    path.write_text(f"{_HEADS[name]}\n{rows}", encoding="utf-8")
+    found = iv.law(path).balls["ball"]
+    assert found.points.speed == pytest.approx(np.sqrt(2 * 9.80665 * heights / 100), rel=1e-3)
+    assert found.points.cor == pytest.approx(np.sqrt(0.6), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("drop_height,rebound_height\n50,30\n100,61\n150,88\n", "'drop_height' states no unit"),
+        ("drop_height_m,rebound_height_m\n0.3,0.5\n0.6,1\n0.9,1.5\n", "are exchanged"),
+        ("ball,impact_speed,ball_speed\njocku,1,1.6\njocku,2,3.2\n", "did you mean 'jokku'"),
+    ],
+)
+def test_likely_mistakes_are_named_first(text: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ImpactVisionError) as refused:
+        iv.law(path)
+    assert said in refused.value.message

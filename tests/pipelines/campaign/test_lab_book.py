@@ -12,6 +12,7 @@ from pipelines.campaign.results import (
     not_counted,
     read_lab_book,
     recordings,
+    with_known_balls,
 )
 
 
@@ -136,3 +137,36 @@ def test_a_cell_over_several_lines_is_refused_with_its_line(tmp_path: Path, text
     path.write_text(text)
     with pytest.raises(UsageError, match="line 3: the quotation mark"):
         read_lab_book(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "value"),
+    [
+        ("Video;Kugel;Auslenkung (°)\na;jokku;90,5\n", "backswing_deg", 90.5),
+        ("Lab 3\nclip,ball,backswing_deg\na,jokku,90 deg\n", "backswing_deg", 90.0),
+        ("clip,ball,landing tape [cm]\na,jokku,250.5\n", "landing_tape_m", 2.505),
+        ("clip,ball,landing_tape_m\na,jokku,250.5 cm\n", "landing_tape_m", 2.505),
+    ],
+)
+def test_other_names_places_and_units(text: str, column: str, value: float, tmp_path: Path) -> None:
+    path = tmp_path / "book.csv"
+    path.write_text(text, encoding="utf-8")
+    (row,) = read_lab_book(path).strikes
+    assert (row.clip, row.ball) == ("a", "jokku")
+    assert row.cells[column] == pytest.approx(value)
+
+
+def test_a_column_that_is_not_used_is_listed_with_the_name_that_may_be_meant(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "book.csv"
+    path.write_text("clip,landing (cm),weather\na,250,fine\n", encoding="utf-8")
+    book = read_lab_book(path)
+    assert any("landing (cm), weather" in note and "landing_tape_cm" in note for note in book.notes)
+    assert with_known_balls(book, ["Jokku"]).strikes == book.strikes
+
+
+def test_letter_case_of_a_ball_is_ignored(tmp_path: Path) -> None:
+    path = tmp_path / "book.csv"
+    path.write_text("clip,ball\na,JOKKU\n", encoding="utf-8")
+    assert with_known_balls(read_lab_book(path), ["Jokku"]).strikes[0].ball == "Jokku"

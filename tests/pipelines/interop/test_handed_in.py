@@ -90,8 +90,10 @@ def test_deeplabcuts_table_is_read_without_unpickling(tmp_path: Path) -> None:
         ("temps;hauteur (m);abscisse (m)", [("", "abscisse (m)", "hauteur (m)")]),
         ("t,X Velocity (m/s),Y Velocity (m/s),X (m),Y (m)", [("", "X (m)", "Y (m)")]),
         ("t,ball_x,ball_y,ball_x_std", [("ball", "ball_x", "ball_y")]),
-        # two runs: which one is for the user to say
-        ("Run 1: X,Run 1: Y,Run 2: X,Run 2: Y", []),
+        (
+            "Run 1: X,Run 1: Y,Run 2: X,Run 2: Y",
+            [("run 1", "Run 1: X", "Run 1: Y"), ("run 2", "Run 2: X", "Run 2: Y")],
+        ),
         ("t,vx,vy", []),
         ("t,x", []),
     ],

@@ -1,0 +1,144 @@
+"""One flight, written as many programs and people write it, is read as the same flight."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from metrology import UsageError
+from pipelines.explain.campaign import load_campaign
+from pipelines.interop.measured import read_tracks
+from pipelines.interop.tables import read_samples
+from pipelines.setup.file import Setup
+
+ROWS = 80
+T = np.arange(ROWS) / 200.0
+X, Y = 0.3 + 1.9 * T, 0.4 + 2.2 * T - 0.5 * 9.80665 * T**2
+
+
+def lines(*columns: np.ndarray, mark: str = ",", decimal: str = ".") -> str:
+    rows = zip(*columns, strict=True)
+    return "".join(mark.join(f"{v:.5f}".replace(".", decimal) for v in row) + "\n" for row in rows)
+
+
+def german_thousands(values: np.ndarray) -> list[str]:
+    return [f"{v:,.1f}".translate(str.maketrans(",.", ".,")) for v in values]
+
+
+WRITTEN: dict[str, Callable[[], str]] = {
+    "accents": lambda: "Temps (s);Abscisse (m);Ordonnée (m)\n" + lines(T, X, Y, mark=";"),
+    "upper case": lambda: "TIME (S),X (CM),Y (CM)\n" + lines(T, 100 * X, 100 * Y),
+    "a row of units": lambda: "t,x,y\ns,cm,cm\n" + lines(T, 100 * X, 100 * Y),
+    "units in brackets": lambda: "Time,X,Y\n(s),(mm),(mm)\n" + lines(T, 1e3 * X, 1e3 * Y),
+    "words for units": lambda: "Time (Seconds),X (Meters),Y (Metres)\n" + lines(T, X, Y),
+    "a title": lambda: "Lab 3: a throw\nt (s);x (m);y (m)\n" + lines(T, X, Y, mark=";"),
+    "decimal commas in a comma table": lambda: "t,x,y\n" + lines(T, X, Y, decimal=","),
+    "quoted decimal commas": lambda: (
+        '"t (s)","x (m)","y (m)"\n'
+        + lines(T, X, Y, mark='","', decimal=",").replace("\n", '"\n"').join(('"', ""))[:-1]
+    ),
+    "the separator above": lambda: "sep=;\nt;x;y\n" + lines(T, X, Y, mark=";", decimal=","),
+    "no header": lambda: lines(T, X, Y, mark="\t"),
+    "a long minus": lambda: "t,x,y\n" + lines(T, X, Y).replace("-", "\u2212"),
+    "thousands": lambda: (
+        "t;x (mm);y (mm)\n"
+        + "".join(
+            f"{t:.4f};{x};{y}\n".replace("0.", "0,", 1)
+            for t, x, y in zip(T, german_thousands(1e3 * X), german_thousands(1e3 * Y), strict=True)
+        )
+    ),
+    "every picture twice": lambda: (
+        "t (s),x (m),y (m)\n" + lines(np.arange(2 * ROWS) / 400, np.repeat(X, 2), np.repeat(Y, 2))
+    ),
+    "nanoseconds since 1970": lambda: (
+        "timestamp,x,y\n"
+        + "".join(
+            f"{1_700_000_000_000_000_000 + round(1e9 * t)},{x:.5f},{y:.5f}\n"
+            for t, x, y in zip(T, X, Y, strict=True)
+        )
+    ),
+    "names of rows": lambda: (
+        "LABEL,ID,TRACK_ID,POSITION_X,POSITION_Y,POSITION_T\nLabel,Spot,Track,X,Y,T\n"
+        ",,,(micron),(micron),(sec)\n"
+        + "".join(
+            f"ID{k},{k},0,{1e6 * x:.1f},{1e6 * y:.1f},{t:.5f}\n"
+            for k, (t, x, y) in enumerate(zip(T, X, Y, strict=True))
+        )
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_the_same_flight_is_read(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(WRITTEN[name](), encoding="utf-8")
+    track = read_tracks(path).tracks[0]
+    assert track.time_s is not None
+    assert len(track) == ROWS
+    step = np.median(np.diff(track.time_s))
+    assert step == pytest.approx(1 / 200, rel=0.02)
+    # a table in metres is drawn at a millimetre per pixel, y down
+    assert track.px[:, 0] / 1e3 == pytest.approx(X, abs=1e-4)
+    assert -track.px[:, 1] / 1e3 == pytest.approx(Y, abs=1e-4)
+    samples, _ = read_samples(path, {})
+    assert samples["y_m"].to_numpy() == pytest.approx(Y, abs=1e-4)
+
+
+def test_runs_side_by_side_have_their_own_clocks(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    head = ",".join(f"{name} Run #{k}" for k in (1, 2) for name in ("Time (s)", "X (m)", "Y (m)"))
+    path.write_text(f"{head}\n" + lines(T, X, Y, T + 1.0, X, Y), encoding="utf-8")
+    second = read_tracks(path).tracks[1]
+    assert second.name == "run 2"
+    assert second.time_s is not None
+    assert second.time_s[0] == pytest.approx(1.0)
+    assert list(read_samples(path, {})[0]["trial"].unique()) == ["run 1", "run 2"]
+
+
+def test_tracker_masses_with_their_own_clocks(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    head = "#multi:\nmass A\t\t\tmass B\t\t\nt\tx\ty\tt\tx\ty\n"
+    path.write_text(head + lines(T, X, Y, T + 1.0, X - 0.2, Y, mark="\t"), encoding="utf-8")
+    second = read_tracks(path).tracks[1]
+    assert second.time_s is not None
+    assert second.time_s[0] == pytest.approx(1.0)
+    assert second.px[:, 0] / 1e3 == pytest.approx(X - 0.2, abs=1e-4)
+
+
+REFUSED = {
+    "the height is z": ("t,x,y,z\n" + lines(T, X, 1.0 + 0.0 * T, Y), "y=z"),
+    "y is called z": ("t,x,z\n" + lines(T, X, Y), "y=z"),
+    "a line break in a cell": (
+        "t (s),x (m),y (m),note\n0,0,0,\n" + '1,1,1,"a\nb"\n' + "2,2,2,\n",
+        "line 3",
+    ),
+    "mixed commas": ("t,x,y\n" + lines(T, X, Y, decimal=",") + "1,2,3,5,6\n", "semicolons"),
+    "numbers without a header": (lines(T, X, Y, X), "t (s),x (m),y (m)"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_can_not_be_read_is_refused_with_its_cure(name: str, tmp_path: Path) -> None:
+    text, cure = REFUSED[name]
+    path = tmp_path / "a.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(UsageError) as refused:
+        read_tracks(path)
+    assert cure in f"{refused.value.message} {refused.value.hint}"
+
+
+def test_explain_reads_foreign_tables_and_names_what_it_does_not_use(tmp_path: Path) -> None:
+    trials = [f"{name},{line}" for name in "ab" for line in lines(T, 100 * X, 100 * Y).splitlines()]
+    path = tmp_path / "a.csv"
+    path.write_text(
+        "Versuch,Zeit (s),Ort x (cm),Ort y (cm),Wetter\n" + "\n".join(f"{t},1" for t in trials),
+        encoding="utf-8",
+    )
+    found = load_campaign(path, None, Setup())
+    assert [trial.name for trial in found.trials] == ["a", "b"]
+    assert any("not used: 'Wetter'" in note for note in found.notes)
+    sheet = tmp_path / "a.xlsx"
+    pd.DataFrame({"t (s)": T, "x (m)": X, "y (m)": Y}).to_excel(sheet, index=False)
+    assert len(load_campaign(sheet, None, Setup()).trials) == 1
