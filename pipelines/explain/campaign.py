@@ -221,8 +221,8 @@ def _samples(
 
         source = track_table(source, setup.columns)
     notes: tuple[str, ...] = ()
-    if isinstance(source, Path) and "phi_rad" not in needed and not _is_own(source):
-        source, notes = read_samples(source, setup.columns)
+    if isinstance(source, Path) and "phi_rad" not in needed:
+        source, notes = _foreign(source, setup.columns)
     sheet = read_sheet(source, SAMPLE_UNITS, ("trial", *WORD_COLUMNS))
     sheet = replace(sheet, notes=(*notes, *sheet.notes))
     table = sheet.table
@@ -235,20 +235,28 @@ def _samples(
     return _checked(replace(sheet, table=table), needed)
 
 
-def _is_own(path: Path) -> bool:
-    """Whether a table has the columns of samples or tracks as they are named here.
+def _foreign(path: Path, said: Mapping[str, str]) -> tuple[TableLike, tuple[str, ...]]:
+    """Samples of a table with other columns than ours, with notes; the path of any other.
 
-    A table that has some of them is reported by its missing ones.
+    A table with some of our columns is reported by those that it lacks.
     """
     if path.suffix.lower() == ".xlsx":
-        return False
+        return read_samples(path, said)
+    columns: set[str] = set()
     try:
         columns = set(read_sheet(path, SAMPLE_UNITS, rows=1).table.columns)
     except UsageError:
-        return not path.is_file()
-    return is_track_table(pd.DataFrame(columns=list(columns))) or (
-        "t_s" in columns and bool(columns & {"x_m", "y_m", "z_m", "phi_rad"})
-    )
+        if not path.is_file():
+            return path, ()
+    places = columns & {"x_m", "y_m", "z_m"}
+    if is_track_table(pd.DataFrame(columns=list(columns))) or ("t_s" in columns and places):
+        return path, ()
+    try:
+        return read_samples(path, said)
+    except UsageError:
+        if not columns or not (places or "t_s" in columns):
+            raise
+        return path, ()
 
 
 def _rest_height(setup: Setup) -> float:

@@ -71,7 +71,7 @@ def test_command_writes_json_plot_report_and_model(thrown, tmp_path):
         ("trial,time,x_m\n1,0,0\n", "t_s"),
         ("trial,t_s,u\n1,0,0\n", "position"),
         ("trial,t_s,x_m\n", "no rows"),
-        ("", "can't read"),
+        ("", "is empty"),
     ],
 )
 def test_bad_tables_are_refused_with_the_reason(tmp_path, text, said):
