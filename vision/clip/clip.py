@@ -55,6 +55,7 @@ from vision.clip.picture import (
     shrink_of,
     upright_of,
 )
+from vision.clip.reduced import ReducedVideo
 from vision.clip.repeats import DistinctPictures, RepeatDetector, Repeats
 
 __all__ = [
@@ -696,7 +697,7 @@ with the rows that codecs add."""
 
 def open_video(
     path: Path, fields: Fields, *, whole: bool = False
-) -> tuple["VideoFile | _Images | DistinctPictures", ClipInfo, Upright]:
+) -> tuple["_Source", ClipInfo, Upright]:
     """Open a video file.
 
     Parameters
@@ -721,18 +722,24 @@ def open_video(
     """
     video = VideoFile(path)
     times = video.packets.times
-    source, detector, notes = _distinct(
-        video, video.first_picture.height, video.first_picture.width
-    )
+    upright, turn_note = upright_of(video.first_picture, video.pixel_aspect)
+    height, width = video.first_picture.height, video.first_picture.width
+    sides = (height, round(width * upright.stretch))
+    shrink, size_note = (1, None) if whole else shrink_of(*sides[:: -1 if upright.swap else 1])
+    pictures: VideoFile | ReducedVideo = video
+    if _reducible(video, upright, fields, shrink):
+        pictures = ReducedVideo(video, shrink)
+        fields, height, width = "progressive", height // shrink, width // shrink
+    else:
+        upright = replace(upright, shrink=shrink)
+    source, detector, notes = _distinct(pictures, height, width)
     if fields == "auto":
         weave, weave_notes = _weave(video, detector)
         notes += weave_notes
     else:
         weave = fields
-    upright, note = upright_of(video.first_picture, video.pixel_aspect)
-    notes += [note] if note else []
+    notes += [turn_note] if turn_note else []
     parts = 1 if weave == "progressive" else 2
-    height, width = video.first_picture.height, video.first_picture.width
     width = round(width * upright.stretch)
     if upright.stretch != 1.0:
         notes.append(
@@ -741,9 +748,7 @@ def open_video(
         )
     if upright.swap:
         height, width = width, height
-    shrink, note = (1, None) if whole else shrink_of(height, width)
-    notes += [note] if note else []
-    upright = replace(upright, shrink=shrink)
+    notes += [size_note] if size_note else []
     rate = 1.0 / times.interval_s if times.interval_s > 0 else video.declared_rate
     shown = source.times if isinstance(source, DistinctPictures) else 1
     seconds = source.times_s
@@ -751,8 +756,8 @@ def open_video(
     info = ClipInfo(
         path=path,
         sha256=video.sha256(),
-        width=width // shrink,
-        height=height // shrink,
+        width=width // upright.shrink,
+        height=height // upright.shrink,
         frames=parts * len(seconds),
         codec=video.codec,
         container_fps=parts * rate,
@@ -769,9 +774,22 @@ def open_video(
     return source, info, upright
 
 
+def _reducible(video: VideoFile, upright: Upright, fields: Fields, shrink: int) -> bool:
+    """Whether whole pictures may be reduced as soon as they are decoded.
+
+    No interlaced format has more lines than `_BROADCAST_HEIGHTS`.
+    """
+    height, width = video.first_picture.height, video.first_picture.width
+    whole = fields == "progressive" or (
+        fields == "auto" and height > max(_BROADCAST_HEIGHTS) and not video.declared_interlaced
+    )
+    even = height % shrink == 0 and width % shrink == 0
+    return shrink > 1 and whole and even and upright.stretch == 1.0
+
+
 def _distinct(
-    source: "VideoFile | _Images", height: int, width: int
-) -> tuple["VideoFile | _Images | DistinctPictures", CombingDetector, list[str]]:
+    source: "VideoFile | ReducedVideo | _Images", height: int, width: int
+) -> tuple["_Source", CombingDetector, list[str]]:
     """The source without repeats, the combing of its pictures, and notes."""
     repeats = RepeatDetector()
     combing = _examined(source, height, width, repeats)
@@ -787,7 +805,7 @@ def _distinct(
 
 
 def _examined(
-    source: "VideoFile | _Images | DistinctPictures",
+    source: "_Source",
     height: int,
     width: int,
     repeats: RepeatDetector | None = None,
@@ -877,6 +895,9 @@ def _without_repeats(folder: _Images) -> tuple[_Images | DistinctPictures, ClipI
     return source, info
 
 
+_Source = VideoFile | ReducedVideo | _Images | DistinctPictures
+
+
 class _Picture(Protocol):
     @property
     def index(self) -> int: ...
@@ -898,9 +919,7 @@ class ClipReader:
         Its properties.
     """
 
-    def __init__(
-        self, source: VideoFile | _Images | DistinctPictures, info: ClipInfo, upright: Upright
-    ) -> None:
+    def __init__(self, source: _Source, info: ClipInfo, upright: Upright) -> None:
         self._source = source
         self._upright = upright
         self._damage: tuple[str, ...] = ()

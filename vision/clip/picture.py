@@ -24,6 +24,7 @@ __all__ = [
     "bit_depth",
     "colour_image",
     "decoded_image",
+    "has_luma_plane",
     "luma_image",
     "refuse_giant",
     "shrink_of",
@@ -212,11 +213,14 @@ def shrink_of(height: int, width: int) -> tuple[int, str | None]:
     warning : str or None
         Present if the factor is not 1.
     """
-    shrink = 1
-    while (height // shrink) * (width // shrink) > _MAX_FULL_SIZE_PIXELS:
-        shrink += 1
-    if shrink == 1:
+    if height * width <= _MAX_FULL_SIZE_PIXELS:
         return 1, None
+    shrink = 2
+    while (height // shrink) * (width // shrink) > _MAX_REDUCED_PIXELS:
+        shrink += 1
+    if height % shrink or width % shrink:
+        # the next one may need no cropping
+        shrink += not (height % (shrink + 1) or width % (shrink + 1))
     return shrink, (
         f"The pictures, {width} × {height} px, are measured at 1/{shrink} of their size. All "
         "pixel values, including points and scales you pass, refer to pictures of "
@@ -275,7 +279,7 @@ def luma_image(frame: Any) -> GrayImage:
     """
     name = frame.format.name
     depth = bit_depth(frame)
-    if not _has_luma_plane(name):
+    if not has_luma_plane(name):
         deep = depth > 8
         pixels = _converted(frame, "rgb48le" if deep else "rgb24")
         mixed: GrayImage = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), pixels.dtype)
@@ -324,7 +328,8 @@ def _converted(frame: Any, pixels: str) -> Any:
     return _THREAD_CONVERTERS.one.reformat(frame, format=pixels).to_ndarray()
 
 
-def _has_luma_plane(name: str) -> bool:
+def has_luma_plane(name: str) -> bool:
+    """Whether the first plane of a pixel format is luma."""
     return name.startswith(("yuv4", "yuvj4", "yuva4", "nv", "gray", "p01", "p21", "p41"))
 
 
@@ -386,6 +391,9 @@ _MAX_PICTURE_PIXELS = 1 << 26
 _MAX_FULL_SIZE_PIXELS = 2560 * 1600
 """Most pixels of a picture measured at full size (chosen). The outline of a ball a tenth as high as
 such a picture has 500 px; its systematic error of 0.07 px is 1/2000 of the radius."""
+_MAX_REDUCED_PIXELS = 1024 * 768
+"""Most pixels of a larger picture after its reduction (chosen): lenses and codecs resolve half of
+the pixels of a 4K recording, and following takes time in proportion to the pixels."""
 
 
 def refuse_giant(height: int, width: int, name: object = "") -> None:

@@ -61,7 +61,7 @@ def _middle(picture: NDArray[np.generic]) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize(("folder", "turned"), [(True, None), (False, None), (False, 90)])
-def test_very_large_pictures_are_measured_at_half_their_size(
+def test_very_large_pictures_are_measured_at_a_third_of_their_size(
     tmp_path: Path, folder: bool, turned: int | None
 ) -> None:
     if folder:
@@ -78,18 +78,38 @@ def test_very_large_pictures_are_measured_at_half_their_size(
             rotation=turned,
         )
     clip = ClipReader.open(path)
-    assert (clip.info.width, clip.info.height) == (1350, 900)
+    assert (clip.info.width, clip.info.height) == (900, 600)
     assert "2700 × 180" in clip.warnings[0]
-    assert "1350 × 900" in clip.warnings[0]
+    assert "900 × 600" in clip.warnings[0]
     for k, frame in enumerate(clip.frames()):
-        # the middle of pixels 2i and 2i + 1 lies at 2i + 1/2; a turned picture lost its first row
+        # the middle of pixels 3i to 3i + 2 lies at 3i + 1; a turned picture lost its first row
         there = np.array([1200.0 + 40 * k, 600.0 - (turned is not None)])
-        np.testing.assert_allclose(_middle(frame.gray), (there - 0.5) / 2.0, atol=0.02)
-    assert next(clip.colour_frames())[1].shape == (900, 1350, 3)
+        np.testing.assert_allclose(_middle(frame.gray), (there - 1.0) / 3.0, atol=0.02)
+    assert next(clip.colour_frames())[1].shape == (600, 900, 3)
     whole = ClipReader.open(path, whole=True)
     assert whole.warnings == ()
     assert next(whole.frames()).gray.shape == (whole.info.height, whole.info.width)
     assert whole.info.width == 2700
+
+
+def test_a_large_video_is_decoded_once_and_read_alike_where_it_does_not_fit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stored = [one[:-1] for one in _spotted(30)]
+    path = write_clip(tmp_path / "a.mp4", stored, options={"preset": "ultrafast"})
+    clip = ClipReader.open(path)
+    first = [frame.gray for frame in clip.frames()]
+    kept = path.read_bytes()
+    path.unlink()
+    assert len(first) == 30
+    np.testing.assert_array_equal([frame.gray for frame in clip.frames()], first)
+    path.write_bytes(kept)
+    monkeypatch.setattr("vision.clip.reduced._MAX_KEPT_BYTES", 5_000_000)
+    short = ClipReader.open(path)
+    for _ in range(2):
+        frames = list(short.frames())
+        assert [frame.index for frame in frames] == list(range(30))
+        np.testing.assert_array_equal([frame.gray for frame in frames], first)
 
 
 def test_what_is_no_image_is_none_and_an_image_is_itself() -> None:
