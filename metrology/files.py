@@ -11,11 +11,12 @@ import re
 import secrets
 import stat
 import tempfile
+import time
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from metrology.errors import OutputError, SetupError, UsageError
 
@@ -180,9 +181,9 @@ def written_whole(path: Path) -> Iterator[Path]:
 
 
 def write_text_whole(path: Path, text: str) -> None:
-    """Write a UTF-8 text file atomically."""
+    """Write a UTF-8 text file atomically; bytes of file names that are none become escapes."""
     with written_whole(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def refuse_unwritable(path: Path) -> None:
@@ -235,11 +236,32 @@ def _is_special(path: Path) -> bool:
 
 
 def _pour(source: Path, target: Path) -> None:
-    with source.open("rb") as content, target.open("ab", buffering=0) as out:
+    with source.open("rb") as content, _opened_special(target) as out:
         while block := content.read(1 << 20):
             rest = memoryview(block)
             while rest:
                 rest = rest[out.write(rest) or 0 :]
+
+
+_MAX_READER_WAIT_S = 5.0
+"""Time that a pipe waits for its reader, s (chosen: a shell starts both ends within a second)."""
+
+
+def _opened_special(target: Path) -> BinaryIO:
+    """Open a device, or a pipe once something reads it."""
+    until = time.monotonic() + _MAX_READER_WAIT_S
+    while True:
+        try:
+            out = os.open(target, os.O_WRONLY | os.O_APPEND | getattr(os, "O_NONBLOCK", 0))
+        except OSError as problem:
+            if problem.errno != errno.ENXIO or not target.is_fifo():
+                raise
+            if time.monotonic() > until:
+                raise OSError(errno.ENXIO, "nothing reads this pipe") from problem
+            time.sleep(0.05)
+            continue
+        os.set_blocking(out, True)
+        return open(out, "ab", buffering=0)
 
 
 def _mode_of(target: Path) -> int:

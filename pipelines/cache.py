@@ -194,7 +194,7 @@ def clip_digest(path: Path) -> str:
     digest = hashlib.sha256()
     if path.is_dir():
         for part in sorted(one for one in path.iterdir() if one.is_file()):
-            digest.update(part.name.encode())
+            digest.update(os.fsencode(part.name))
             digest.update(bytes.fromhex(clip_digest(part)))
         return digest.hexdigest()
     # Without O_NONBLOCK, opening a pipe waits for its writer.

@@ -12,7 +12,7 @@ import time
 import traceback
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from importlib import import_module
 from pathlib import Path
@@ -44,6 +44,9 @@ class Kind(StrEnum):
     LAB_BOOK = "lab books"
     CLIP = "clips"
     EFFECTS = "users' effects"
+    LEDGERS = "ledgers of campaigns"
+    NAMES = "file names"
+    PLACES = "what is no file"
 
 
 class Fault(StrEnum):
@@ -59,6 +62,8 @@ class Fault(StrEnum):
     HALF = "incomplete output"
     SILENT = "verdict changed without a note"
     NOISE = "library warnings"
+    CONTROL = "control characters on the terminal"
+    LOSS = "cell of a lab book lost"
 
 
 @dataclass(frozen=True)
@@ -74,6 +79,10 @@ class Case:
         Files the command is asked to write.
     sound : tuple of str
         Effects named for the undamaged table: a different answer needs a note.
+    special : mapping of str to str
+        What is no file, by its name: "pipe", "folder", or the target of a link.
+    cells : tuple of str
+        Texts that a table of results holds, if one is written.
     """
 
     kind: Kind
@@ -81,6 +90,8 @@ class Case:
     files: Mapping[str, bytes]
     outputs: tuple[str, ...] = ()
     sound: tuple[str, ...] | None = None
+    special: Mapping[str, str] = field(default_factory=dict)
+    cells: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -93,11 +104,11 @@ class Case:
             name: base64.b64encode(zlib.compress(data, 9)).decode()
             for name, data in self.files.items()
         }
-        return json.dumps(
-            {"kind": self.kind.value, "arguments": self.arguments, "files": files,
-             "outputs": self.outputs, "sound": self.sound},
-            indent=1,
-        )  # fmt: skip
+        raw = {"kind": self.kind.value, "arguments": self.arguments, "files": files,
+               "outputs": self.outputs, "sound": self.sound}  # fmt: skip
+        if self.special or self.cells:
+            raw |= {"special": dict(self.special), "cells": self.cells}
+        return json.dumps(raw, indent=1)
 
 
 def read_case(path: Path) -> Case:
@@ -109,6 +120,8 @@ def read_case(path: Path) -> Case:
         {name: zlib.decompress(base64.b64decode(data)) for name, data in raw["files"].items()},
         tuple(raw["outputs"]),
         None if raw["sound"] is None else tuple(raw["sound"]),
+        raw.get("special", {}),
+        tuple(raw.get("cells", ())),
     )
 
 
@@ -196,6 +209,8 @@ def run_case(case: Case, folder: Path) -> Ran:
     for name, data in case.files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(data)
+    for name, what in case.special.items():
+        _put(folder / name, what)
     said = folder.with_suffix(".said")
     began = time.monotonic()
     status, worked, memory = _waited(start(case.arguments, folder, said), began + MAX_WALL_S)
@@ -208,6 +223,18 @@ def run_case(case: Case, folder: Path) -> Ran:
         if path.is_file()
     }
     return Ran(os.waitstatus_to_exitcode(status), text, seconds, worked, memory, left)
+
+
+def _put(path: Path, what: str) -> None:
+    """Make a pipe, a folder or a link."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    match what:
+        case "pipe":
+            os.mkfifo(path)
+        case "folder":
+            path.mkdir()
+        case target:
+            path.symlink_to(target)
 
 
 def tried(case: Case) -> tuple[Ran, tuple[Fault, ...]]:
@@ -237,6 +264,7 @@ def _waited(child: int, until: float) -> tuple[int, float, int]:
         time.sleep(0.01)
 
 
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 _WARNING = re.compile(r"^\S+:\d+: \w*Warning:", re.MULTILINE)
 
 
@@ -262,6 +290,11 @@ def faults_of(case: Case, ran: Ran) -> tuple[Fault, ...]:
         found.append(Fault.INPUT)
     if set(ran.left) - set(case.files) - set(_allowed(case, ran)):
         found.append(Fault.LEFTOVER)
+    if _CONTROL.search(ran.said.replace("\r\n", "\n")):
+        found.append(Fault.CONTROL)
+    tables = [data.decode() for name, data in ran.left.items() if name.endswith("results.csv")]
+    if any(cell not in table for table in tables for cell in case.cells):
+        found.append(Fault.LOSS)
     written = {name: ran.left[name] for name in case.outputs if name in ran.left}
     if not all(_complete(name, data) for name, data in written.items()):
         found.append(Fault.HALF)
@@ -274,13 +307,14 @@ def faults_of(case: Case, ran: Ran) -> tuple[Fault, ...]:
 
 
 def _allowed(case: Case, ran: Ran) -> list[str]:
-    """Requested outputs, and files inside requested folders."""
+    """Requested outputs, and files inside requested folders or linked to."""
     if {"", "."} & set(case.arguments):
         return list(ran.left)
     return [
         name
         for name in ran.left
         if any(name == out or name.startswith(f"{out}/") for out in case.outputs)
+        or name in case.special.values()
     ]
 
 

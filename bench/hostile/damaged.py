@@ -12,9 +12,19 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
 from bench.hostile.case import Case, Kind, named
+from bench.hostile.places import PLACES
 from bench.hostile.valid import EFFECT, VALID, clip_of, films
 
-__all__ = ["LAWS", "SETUP", "STRATEGIES", "drawn", "null_table", "sound_tracks", "table_text"]
+__all__ = [
+    "LAWS",
+    "SETUP",
+    "STRATEGIES",
+    "bytes_changed",
+    "drawn",
+    "null_table",
+    "sound_tracks",
+    "table_text",
+]
 
 SETUP = """[camera]
 capture_fps = 600
@@ -72,7 +82,7 @@ LITERALS = (
 words = st.one_of(st.sampled_from(WORDS), st.text(max_size=12))
 
 
-def _bytes_changed(data: bytes, draw: st.DrawFn) -> bytes:
+def bytes_changed(data: bytes, draw: st.DrawFn) -> bytes:
     """The bytes with one to four changes."""
     raw = bytearray(data)
     for _ in range(draw(st.integers(1, 4))):
@@ -116,7 +126,7 @@ def _with_another_number(line: str, draw: st.DrawFn) -> str:
 def setups(draw: st.DrawFn) -> bytes:
     """A setup file with one to three errors, or with changed bytes."""
     if draw(st.integers(0, 4)) == 0:
-        return _bytes_changed(SETUP.encode(), draw)
+        return bytes_changed(SETUP.encode(), draw)
     lines = SETUP.splitlines()
     for _ in range(draw(st.sampled_from((1, 1, 1, 2, 3)))):
         at = draw(st.integers(0, len(lines) - 1))
@@ -321,7 +331,7 @@ def table_cases(draw: st.DrawFn) -> Case:
                 rows = [rows[0], *[[*r[:column], *rows[1][column : column + 1], *r[column + 1 :]]
                                    for r in rows[1:]]]  # fmt: skip
             case "bytes":
-                raw = _bytes_changed(text.encode(), draw)
+                raw = bytes_changed(text.encode(), draw)
             case _:
                 pass
     data = raw or _encoded("\n".join(mark.join(row) for row in rows) + "\n", draw)
@@ -380,7 +390,7 @@ def track_cases(draw: st.DrawFn) -> Case:
         joined = "0".join(parts[:at]) + draw(st.sampled_from(CELLS)) + "0".join(parts[at:])
         data = joined.encode()
     else:
-        data = _bytes_changed(data, draw)
+        data = bytes_changed(data, draw)
     out = draw(st.sampled_from(("o.csv", "o.trk", "o.kva", "o.xlsx", "o.json")))
     return Case(Kind.TRACKS, ("convert", name, out), {name: data}, (out,))
 
@@ -415,7 +425,7 @@ def law_cases(draw: st.DrawFn) -> Case:
         parts[at] = draw(st.sampled_from(LITERALS)) + "\n" + rest
         data = " ".join(parts).encode()
     else:
-        data = _bytes_changed(LAWS.encode(), draw)
+        data = bytes_changed(LAWS.encode(), draw)
     command = draw(
         st.sampled_from((("simulate", "--impact-speed", "2.5"), ("plan", "--distance", "1.5m")))
     )
@@ -438,7 +448,7 @@ def lab_book_cases(draw: st.DrawFn) -> Case:
     mark = draw(st.sampled_from((",", ",", ";", "\t")))
     data = _encoded("\n".join(mark.join(row) for row in rows), draw)
     if draw(st.integers(0, 3)) == 0:
-        data = _bytes_changed(data, draw)
+        data = bytes_changed(data, draw)
     # two clips of one name are rejected before any is opened
     files = {"trials.csv": data, "clips/c0.mp4": b"", "clips/c0.mov": b""}
     arguments = ("campaign", "clips", "--trials", "trials.csv", "--out", "out", "--quiet")
@@ -464,7 +474,7 @@ def clip_cases(draw: st.DrawFn) -> Case:
     data = clip_of(Path(name).suffix, size, frames, frames)
     how = draw(st.integers(0, 5))
     if how > 1:
-        data = _bytes_changed(data, draw)
+        data = bytes_changed(data, draw)
     if how == 1:
         name = draw(st.sampled_from(("x.mov", "x.gif", "x.png", "x.txt", "x", "=1+1.mp4")))
     command = draw(st.sampled_from(("measure", "measure", "contact-time", "landing", "cor")))
@@ -504,7 +514,7 @@ def effect_cases(draw: st.DrawFn) -> Case:
         text += "\n" + draw(st.sampled_from(SPOILS)) + "\n"
         data = text.encode()
     else:
-        data = _bytes_changed(text.encode(), draw)
+        data = bytes_changed(text.encode(), draw)
     return Case(Kind.EFFECTS, ("effects", "check", "mine.py"), {"mine.py": data})
 
 
@@ -527,6 +537,7 @@ STRATEGIES: dict[Kind, tuple[Callable[[], st.SearchStrategy[Case]], int]] = {
     Kind.TABLE: (table_cases, 8),
     Kind.CLIP: (clip_cases, 8),
     Kind.EFFECTS: (effect_cases, 4),
+    **PLACES,
 }
 """Strategy of each kind and number of cases in a round: fast ones more often."""
 
@@ -536,13 +547,16 @@ _PREPARED: dict[Kind, Callable[[], object]] = {
     Kind.TRACKS: sound_tracks,
     Kind.CLIP: films,
     Kind.LAB_BOOK: films,
+    Kind.NAMES: sound_tracks,
+    Kind.PLACES: sound_tracks,
 }
 
 
 @st.composite
 def _either(draw: st.DrawFn, kind: Kind) -> Case:
     """A damaged or a valid input."""
-    return draw(VALID[kind]() if draw(st.booleans()) else STRATEGIES[kind][0]())
+    valid = kind in VALID and draw(st.booleans())
+    return draw(VALID[kind]() if valid else STRATEGIES[kind][0]())
 
 
 def drawn(kind: Kind, number: int, of: int) -> list[Case]:

@@ -1,9 +1,11 @@
 """Kill writing commands at random moments: outputs are complete or absent.
 
-Run: python -m bench.hostile.kills [--moments 50] [--commands NAME…]
+Run: python -m bench.hostile.kills [--moments 20] [--commands NAME…] [--json FILE]
 
 Inputs must be unchanged, and every output either absent, as before, or readable. A hidden
-temporary file may remain after signal 9; it does not carry an output's name.
+temporary file may remain after signal 9; it does not carry an output's name. The processes that the
+command started end within 5 s. What goes on where it stopped is then run again: it ends well, and
+its table has each clip once. With --json the counts are stored by command, for the docs.
 """
 
 import argparse
@@ -21,18 +23,22 @@ import time
 import tomllib
 import zipfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
 import av
 import pandas as pd
+import psutil
 from PIL import Image
 
 from bench.hostile.case import load_commands, start
 from bench.hostile.damaged import LAWS, SETUP, sound_tracks, table_text
 
-__all__ = ["COMMANDS", "Writer", "complete", "killed_at_random"]
+__all__ = ["COMMANDS", "Kills", "Writer", "complete", "killed_at_random"]
+
+MAX_ORPHAN_S = 5.0
+"""Time within which processes end after the one that started them, s; convention."""
 
 
 def _decoded(data: bytes) -> object:
@@ -77,10 +83,29 @@ def _sound(path: Path) -> bool:
 
 @dataclass(frozen=True)
 class Writer:
-    """A command line that writes files, and its input files."""
+    """A command line that writes files, its input files, and the table that it goes on with."""
 
     arguments: str
     inputs: Callable[[], dict[str, bytes]]
+    table: str | None = None
+
+
+@dataclass
+class Kills:
+    """Counts of one command: outputs found, and what went wrong."""
+
+    killed: int = 0
+    outputs: int = 0
+    incomplete: int = 0
+    inputs_damaged: int = 0
+    orphans: int = 0
+    resumed: int = 0
+    not_resumed: int = 0
+
+    @property
+    def bad(self) -> int:
+        """Number of faults."""
+        return self.incomplete + self.inputs_damaged + self.orphans + self.not_resumed
 
 
 def _setup() -> dict[str, bytes]:
@@ -97,9 +122,12 @@ def _sample() -> dict[str, bytes]:
     return {"a.mp4": (clips / "jokku_90_small.mp4").read_bytes()}
 
 
+def _clips() -> dict[str, bytes]:
+    return {f"clips/{name}.mp4": _sample()["a.mp4"] for name in "ab"}
+
+
 def _campaign() -> dict[str, bytes]:
-    clips = {f"clips/{name}.mp4": _sample()["a.mp4"] for name in "ab"}
-    return {**clips, "trials.csv": b"clip,ball\na,jokku\nb,jokku\n"}
+    return {**_clips(), "trials.csv": b"clip,ball\na,jokku\nb,jokku\n"}
 
 
 COMMANDS = {
@@ -128,11 +156,15 @@ COMMANDS = {
         _sample,
     ),
     "measure many": Writer(
-        "measure a.mp4 --fps 600 --ball jokku --out many -j 1 --json o.json", _sample
+        "measure clips/a.mp4 clips/b.mp4 --fps 600 --ball jokku --out many -j 2 --json o.json",
+        _clips,
+        "many/results.csv",
     ),
     "paper": Writer("paper --quiet --json o.json --csv o.csv --figures figures", dict),
     "campaign": Writer(
-        "campaign clips --trials trials.csv --fps 600 --out out -j 1 --quiet", _campaign
+        "campaign clips --trials trials.csv --fps 600 --out out -j 2 --quiet",
+        _campaign,
+        "out/results.csv",
     ),
     "calibrate": Writer("calibrate a.mp4 --yes --fps 600 --ball jokku --out setup.toml", _sample),
     "calibrate board": Writer("calibrate board --pdf o.pdf", dict),
@@ -140,72 +172,105 @@ COMMANDS = {
 }
 
 
-def killed_at_random(
-    writer: Writer, moments: int, seed: int, folder: Path
-) -> tuple[int, list[str], list[str]]:
-    """Kill a command `moments` times; outputs found, incomplete outputs, damaged inputs."""
+def killed_at_random(writer: Writer, moments: int, seed: int, folder: Path) -> Kills:
+    """Kill a command `moments` times and count what is left."""
     rng = random.Random(seed)
     inputs = writer.inputs()
-    _run(writer, inputs, folder / "first", None)
-    longest = _run(writer, inputs, folder / "whole", None)
-    written, broken, damaged = 0, list[str](), list[str]()
+    _run(writer, inputs, folder / "first")
+    longest = _run(writer, inputs, folder / "whole")
+    found = Kills()
     for number in range(moments):
         place = folder / f"{number}"
         # most files are written near the end
-        _run(writer, inputs, place, longest * (1.1 - rng.random() ** 2))
-        damaged += [name for name, data in inputs.items() if (place / name).read_bytes() != data]
+        found.orphans += _killed(writer, inputs, place, longest * (1.1 - rng.random() ** 2))
+        found.killed += 1
+        found.inputs_damaged += sum(
+            (place / name).read_bytes() != data for name, data in inputs.items()
+        )
         for path in sorted(place.rglob("*")):
             name = str(path.relative_to(place))
-            aside = path.name.startswith(".") or name.endswith(("-wal", "-shm"))
+            hidden = any(part.startswith(".") for part in Path(name).parts)
+            aside = hidden or name.endswith(("-wal", "-shm"))
             if path.is_file() and not aside and name not in inputs:
-                written += 1
-                broken += [] if _sound(path) else [name]
-    return written, broken, damaged
+                found.outputs += 1
+                found.incomplete += not _sound(path)
+        if writer.table is not None:
+            _run(writer, inputs, place)
+            rows = pd.read_csv(place / writer.table)["clip"]
+            right = len(rows) == 2 and rows.is_unique
+            found.resumed += right
+            found.not_resumed += not right
+    return found
 
 
-def _run(writer: Writer, inputs: dict[str, bytes], folder: Path, until_s: float | None) -> float:
-    """Duration of a run, s; it is ended by signal 9 after `until_s`."""
-    folder.mkdir(parents=True)
+def _started(writer: Writer, inputs: dict[str, bytes], folder: Path) -> int:
+    folder.mkdir(parents=True, exist_ok=True)
     for name, data in inputs.items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_bytes(data)
-    said = folder.with_suffix(".said")
+    return start(tuple(writer.arguments.split()), folder, folder.with_suffix(".said"))
+
+
+def _run(writer: Writer, inputs: dict[str, bytes], folder: Path) -> float:
+    """Duration of a run to its end, s."""
     began = time.monotonic()
-    child = start(tuple(writer.arguments.split()), folder, said)
-    if until_s is not None:
-        time.sleep(until_s)
-        # before the child has its own process group, the signal would reach this process
-        with contextlib.suppress(ProcessLookupError):
-            if os.getpgid(child) == child:
-                os.killpg(child, signal.SIGKILL)
+    child = _started(writer, inputs, folder)
     status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-    if until_s is None and status != 0:
-        raise RuntimeError(f"{writer.arguments} ends with {status}: {said.read_text()}")
+    if status != 0:
+        said = folder.with_suffix(".said").read_text()
+        raise RuntimeError(f"{writer.arguments} ends with {status}: {said}")
     return time.monotonic() - began
+
+
+def _killed(writer: Writer, inputs: dict[str, bytes], folder: Path, after_s: float) -> int:
+    """Kill the command's own process after a time; processes that it leaves at work."""
+    child = _started(writer, inputs, folder)
+    time.sleep(after_s)
+    with contextlib.suppress(psutil.NoSuchProcess):
+        others = psutil.Process(child).children(recursive=True)
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        alive = psutil.wait_procs(others, timeout=MAX_ORPHAN_S)[1]
+        for one in alive:
+            one.kill()
+        return len(alive)
+    return 0
+
+
+HEAD = ("command", "killed", "outputs found", "incomplete", "inputs damaged", "orphans", "resumed")
+
+
+def row(name: str, found: Kills) -> tuple[str, ...]:
+    """One line of the table of the docs."""
+    asked = found.resumed + found.not_resumed
+    resumed = f"{found.resumed} of {asked}" if asked else "–"
+    counts = (found.killed, found.outputs, found.incomplete, found.inputs_damaged, found.orphans)
+    return (name, *map(str, counts), resumed)
 
 
 def main() -> None:
     """Kill, check, print."""
     parser = argparse.ArgumentParser(prog="python -m bench.hostile.kills", description=__doc__)
-    parser.add_argument("--moments", type=int, default=50)
+    parser.add_argument("--moments", type=int, default=20)
     parser.add_argument("--commands", nargs="+", choices=[*COMMANDS], default=[*COMMANDS])
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
     load_commands()
-    bad = 0
-    print("| command | killed | outputs found | incomplete | inputs damaged |")
-    print("|---|---|---|---|---|")
+    every: dict[str, Kills] = {}
+    print("| " + " | ".join(HEAD) + " |")
+    print("|---" * len(HEAD) + "|")
     for name in asked.commands:
         with tempfile.TemporaryDirectory(prefix="kills-") as folder:
             os.environ["IMPACT_VISION_CACHE"] = str(Path(folder) / "cache")
-            written, broken, damaged = killed_at_random(
+            every[name] = killed_at_random(
                 COMMANDS[name], asked.moments, asked.seed, Path(folder) / "at"
             )
-        bad += len(broken) + len(damaged)
-        incomplete = " ".join([str(len(broken)), *sorted(set(broken))])
-        print(f"| {name} | {asked.moments} | {written} | {incomplete} | {len(damaged)} |",
-              flush=True)  # fmt: skip
-    sys.exit(min(bad, 1))
+        print("| " + " | ".join(row(name, every[name])) + " |", flush=True)
+        if asked.json is not None:
+            counts = {name: asdict(one) for name, one in every.items()}
+            asked.json.write_text(json.dumps(counts, indent=1) + "\n", encoding="utf-8")
+    sys.exit(min(sum(one.bad for one in every.values()), 1))
 
 
 if __name__ == "__main__":

@@ -130,6 +130,18 @@ class QuantityView:
     def __sub__(self, number: float) -> "QuantityView":
         return self + -_plain_number(number)
 
+    def __abs__(self) -> "QuantityView":
+        return self._scaled(math.copysign(1.0, float(self)))
+
+    def __round__(self, digits: int | None = None) -> float:
+        return round(float(self), digits)
+
+    def __lt__(self, other: "float | QuantityView") -> bool:
+        return float(self) < float(other)
+
+    def __gt__(self, other: "float | QuantityView") -> bool:
+        return float(self) > float(other)
+
     def _scaled(self, factor: float) -> "QuantityView":
         std = None if self.std is None else abs(factor) * self.std
         lines = tuple(

@@ -9,7 +9,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from metrology import MeasurementError, UsageError
-from pipelines.campaign.conduct import Campaign, CampaignOptions, conduct
+from pipelines.campaign.conduct import Campaign, CampaignOptions, conduct, results_folder
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State
 from pipelines.campaign.results import parquet_is_written
 from pipelines.campaign.run import Progress as RunProgress
@@ -98,7 +98,7 @@ def campaign_command(
     """
     asked = CampaignOptions(
         clips=tuple(clips),
-        out=_results_folder(clips, out),
+        out=results_folder(clips, out),
         trials=trials,
         setup=setup,
         fps=fps,
@@ -137,27 +137,6 @@ def campaign_command(
             f"{len(done.wanting)} clips could not be measured:\n" + "\n".join(done.wanting[:50]),
             hint="Remove the cause, then run the same command with --retry-failed.",
         )
-
-
-def _results_folder(clips: list[Path], out: Path | None) -> Path:
-    """The folder given, or ``results`` in the first folder of clips.
-
-    Raises
-    ------
-    UsageError
-        If a file is named.
-    """
-    if out is None:
-        return (clips[0] if clips[0].is_dir() else clips[0].parent) / "results"
-    if out.suffix.lower() in _FILE_SUFFIXES and not out.is_dir():
-        raise UsageError(
-            f"--out {out} is the name of a file; a campaign writes a folder of results",
-            hint=f"Pass a folder: --out {out.with_suffix('')}. It gets results.csv and .xlsx.",
-        )
-    return out
-
-
-_FILE_SUFFIXES = frozenset({".csv", ".xlsx", ".json", ".html", ".txt", ".parquet", ".toml"})
 
 
 def _watched(asked: CampaignOptions, quiet: bool) -> Campaign:

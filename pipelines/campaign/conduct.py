@@ -18,6 +18,7 @@ from physics.bodies import BALLS
 from physics.cor_fit import AveragedLaw, Estimate, LawKind, lack_of_fit
 from pipelines.api.explained import explain as find_missing_physics
 from pipelines.api.quantities import measure_options, setup_from
+from pipelines.api.wording import worded_for_python
 from pipelines.campaign.analysis import BallAnalysis, CampaignAnalysis, analyse
 from pipelines.campaign.files import clip_key, refuse_occupied, staged, sweep
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State, lock_folder
@@ -320,11 +321,33 @@ class Campaign:
         return f"Campaign {self.folder}: {clips['done']} measured; " + ", ".join(laws)
 
 
+def results_folder(clips: Sequence[Path], out: Path | None) -> Path:
+    """The folder given, or ``results`` in the first folder of clips.
+
+    Raises
+    ------
+    UsageError
+        If a file is named.
+    """
+    if out is None:
+        return (clips[0] if clips[0].is_dir() else clips[0].parent) / "results"
+    if out.suffix.lower() in _FILE_SUFFIXES and not out.is_dir():
+        raise UsageError(
+            f"--out {out} is the name of a file; a campaign writes a folder of results",
+            hint=f"Pass a folder: --out {out.with_suffix('')}. It gets results.csv and .xlsx.",
+        )
+    return out
+
+
+_FILE_SUFFIXES = frozenset({".csv", ".xlsx", ".json", ".html", ".txt", ".parquet", ".toml"})
+
+
+@worded_for_python
 @checked_values
 def campaign(
     clips: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     *,
-    out: str | os.PathLike[str],
+    out: str | os.PathLike[str] | None = None,
     trials: str | os.PathLike[str] | None = None,
     setup: Setup | str | os.PathLike[str] | None = None,
     fps: str | float | None = None,
@@ -343,8 +366,8 @@ def campaign(
     ----------
     clips : path or sequence of paths
         Clips and folders of clips.
-    out : path
-        Folder of the campaign.
+    out : path, optional
+        Folder of the campaign; default: ``results`` in the first folder of clips.
     trials : path, optional
         Lab book (CSV or XLSX).
     setup : Setup or path, optional
@@ -364,10 +387,13 @@ def campaign(
         For bad input that is detected before the run begins.
     """
     given = [clips] if isinstance(clips, str | os.PathLike) else clips
+    paths = tuple(Path(clip) for clip in given)
+    if not paths:
+        raise UsageError("no clips were given", hint="Pass clips, or folders of clips.")
     return conduct(
         CampaignOptions(
-            clips=tuple(Path(clip) for clip in given),
-            out=Path(out),
+            clips=paths,
+            out=results_folder(paths, None if out is None else Path(out)),
             trials=None if trials is None else Path(trials),
             setup=setup if setup is None or isinstance(setup, Setup) else Path(setup),
             fps=None if fps is None else str(fps),

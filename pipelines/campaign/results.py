@@ -21,6 +21,7 @@ from metrology.files import printable, written_whole
 from pipelines.campaign.files import clip_key
 from pipelines.campaign.ledger import Entry, State
 from pipelines.interop.headers import folded
+from pipelines.interop.tables import refuse_sideways
 from pipelines.measure.files import column_name, without_formulas
 from pipelines.measure.inputs import QUANTITY_UNITS, main_quantities
 from vision.tracks import MotionKind
@@ -360,6 +361,7 @@ def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...], int]:
     below = text.splitlines(keepends=True)[above:]
     head = below[0] if text.strip() else ""
     separator = max((",", ";", "\t"), key=head.count)
+    refuse_sideways(path, head.count(separator) + 1)
     try:
         table = pd.read_csv(
             io.StringIO("".join(below)),

@@ -313,7 +313,7 @@ def digest_of(clip: Path, option_texts: Sequence[str]) -> str:
     about = clip.stat() if clip.exists() else None
     stamp = "" if about is None else f"{about.st_size} {about.st_mtime_ns}"
     words = "\n".join([software_version(), stamp, *option_texts])
-    return hashlib.sha256(words.encode()).hexdigest()
+    return hashlib.sha256(words.encode("utf-8", "backslashreplace")).hexdigest()
 
 
 def measure_all(

@@ -98,3 +98,20 @@ def test_other_names_of_a_quantity_find_it() -> None:
     assert quantities["ball_speed_m_s"] is quantities["ball_speed"]
     assert list(quantities) == ["backswing_angle", "ball_speed"]
     assert "speed" not in quantities
+
+
+def test_a_campaign_in_python_has_the_folder_and_refusals_of_the_command(tmp_path: Path) -> None:
+    with pytest.raises(UsageError) as refused:
+        iv.campaign([tmp_path / "a.mp4"], out=tmp_path / "res.csv")
+    assert "is the name of a file" in str(refused.value)
+    assert "--out" not in str(refused.value)
+    (tmp_path / "a.mp4").write_bytes(b"no video")
+    assert iv.campaign(tmp_path).wanting
+    assert (tmp_path / "results" / "results.csv").is_file()
+
+
+def test_quantities_are_compared_and_rounded_as_numbers() -> None:
+    speed = Quantities([Quantity.measured("ball_speed", -5.126, "m/s", [])])["ball_speed"]
+    assert speed < -5.0
+    assert abs(speed) > 5.0
+    assert round(speed, 1) == -5.1

@@ -148,3 +148,18 @@ def test_a_number_beyond_all_floats_is_refused_by_its_key() -> None:
     with pytest.raises(SetupError, match=r"lab.toml: scatter.cor is a whole number of 400 digits"):
         parse_toml(f"[scatter]\ncor = {'9' * 400}\n", "lab.toml")
     assert parse_toml(f"a = [{2**63 - 1}, -3]", "lab.toml") == {"a": [2**63 - 1, -3]}
+
+
+def test_a_name_that_is_no_text_is_written_as_an_escape(tmp_path: Path) -> None:
+    write_text_whole(tmp_path / "a.json", '{"clip": "a\udcff.mp4"}')
+    assert (tmp_path / "a.json").read_bytes() == b'{"clip": "a\\udcff.mp4"}'
+
+
+@pytest.mark.timeout(20)
+def test_a_pipe_that_nothing_reads_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("metrology.files._MAX_READER_WAIT_S", 0.2)
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(OutputError, match="nothing reads this pipe"):
+        write_text_whole(tmp_path / "pipe", "a")

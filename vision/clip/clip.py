@@ -41,7 +41,8 @@ from av.stream import Disposition
 from numpy.typing import NDArray
 
 from metrology import ClipError
-from vision.clip.images import Animation, ImageFolder, is_animation
+from vision.clip.images import MOSAIC_NOTE, Animation, ImageFolder, is_animation
+from vision.clip.mosaic import Mosaic, mosaic_of
 from vision.clip.picture import (
     ClipInfo,
     Frame,
@@ -212,13 +213,17 @@ class VideoPicture:
     index: int
     time_s: float
     frame: Any
+    mosaic: Mosaic | None = None
 
     def gray(self) -> GrayImage:
         """Luma (H, W) on the full scale."""
-        return luma_image(self.frame)
+        gray = luma_image(self.frame)
+        return gray if self.mosaic is None else self.mosaic.gray(gray)
 
     def colour(self) -> NDArray[np.uint8]:
         """Colour (H, W, 3), blue first."""
+        if self.mosaic is not None:
+            return self.mosaic.colour(luma_image(self.frame))
         return colour_image(self.frame)
 
 
@@ -270,6 +275,7 @@ class VideoFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.damaged = 0
+        self.mosaic: Mosaic | None = None
         with self._opened() as (container, stream):
             self.codec = str(stream.codec_context.name)
             refuse_giant(stream.codec_context.height, stream.codec_context.width, path)
@@ -299,6 +305,8 @@ class VideoFile:
             )
         self._by_order = None in stamps or bool(np.any(np.diff(np.array(stamps)) <= 0))
         self.first_picture = first
+        if first.format.name.startswith("gray"):
+            self.mosaic = mosaic_of(luma_image(first))
         self.declared_interlaced = interlaced
 
     def pictures(self) -> Iterator[VideoPicture]:
@@ -327,7 +335,7 @@ class VideoFile:
                 if time <= last:
                     time = last + (times.interval_s if np.isfinite(times.interval_s) else 0.0)
                 last = time
-                yield VideoPicture(index, time - zero, frame)
+                yield VideoPicture(index, time - zero, frame, self.mosaic)
                 index += 1
 
     @property
@@ -872,6 +880,8 @@ def _file_warnings(video: VideoFile) -> list[str]:
             "The file has no usable time stamps; its frames are assumed evenly spaced at "
             f"{video.declared_rate:.4g} frames per second."
         )
+    if video.mosaic is not None:
+        notes.append(MOSAIC_NOTE)
     if times.missing:
         notes.append(
             f"{times.missing} frames are missing from an otherwise even clock (dropped while "
@@ -936,7 +946,7 @@ class ClipReader:
         whole: bool = False,
         every: int = 1,
     ) -> "ClipReader":
-        """Open a video file, an animated WebP or a folder of images.
+        """Open a video file, an animated WebP, a TIFF stack or a folder of images.
 
         Parameters
         ----------

@@ -1,6 +1,7 @@
-"""Sequences of images: folders of numbered files, animated WebP, raw mosaics."""
+"""Sequences of images: folders of numbered files, animated WebP, TIFF stacks."""
 
 import hashlib
+import os
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -22,16 +23,18 @@ from vision.clip.picture import (
     shrink_of,
 )
 
-__all__ = ["Animation", "ImageFolder", "ImageFrame", "is_animation", "is_image"]
+__all__ = ["MOSAIC_NOTE", "Animation", "ImageFolder", "ImageFrame", "is_animation", "is_image"]
 
 FloatArray = NDArray[np.float64]
 
-_MOSAIC_NOTE = (
+MOSAIC_NOTE = (
     "The images are raw (a mosaic of colour filters): it is averaged for gray pictures. Colours are"
     " not calibrated, and red and blue may be exchanged."
 )
 
 _IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"}
+
+_VIDEO_SUFFIXES = {".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm", ".mts", ".cine", ".wmv"}
 
 
 def is_image(path: Path) -> bool:
@@ -112,16 +115,20 @@ class ImageFolder:
     def __init__(self, path: Path, *, whole: bool = False) -> None:
         self._paths = sorted((item for item in path.iterdir() if is_image(item)), key=_natural)
         if not self._paths:
+            videos = [one for one in path.iterdir() if one.suffix.lower() in _VIDEO_SUFFIXES]
             raise ClipError(
                 f"there are no images in the folder {path}",
-                hint="Pass a video file, or a folder of numbered PNG, JPEG, BMP or TIFF images.",
+                hint="Pass a video file, or a folder of numbered PNG, JPEG, BMP or TIFF images."
+                if not videos
+                else f"It holds {len(videos)} videos: pass one of them, or measure all with"
+                " vision campaign FOLDER (in Python: iv.campaign).",
             )
         self._times, said = _times_of_names([path.name for path in self._paths])
         first = ImageFrame(0, self._paths[0], None).stored()
         self._mosaic = mosaic_of(first)
         self._shape = (int(first.shape[0]), int(first.shape[1]))
         codec = self._paths[0].suffix.lower().lstrip(".")
-        notes = (said, None if self._mosaic is None else _MOSAIC_NOTE)
+        notes = (said, None if self._mosaic is None else MOSAIC_NOTE)
         self.upright, self.info = _described(
             path, self._digest(), first, self._times, codec, notes, whole=whole
         )
@@ -140,7 +147,7 @@ class ImageFolder:
     def _digest(self) -> str:
         digest = hashlib.sha256()
         for path in self._paths:
-            digest.update(path.name.encode())
+            digest.update(os.fsencode(path.name))
             digest.update(hashlib.sha256(path.read_bytes()).digest())
         return digest.hexdigest()
 
@@ -179,24 +186,32 @@ def _described(
 
 
 class AnimationFrame:
-    """One picture of an animation."""
+    """One picture of an animation or a stack."""
 
-    def __init__(self, index: int, colour: NDArray[np.uint8]) -> None:
+    def __init__(self, index: int, stored: NDArray[Any], mosaic: Mosaic | None = None) -> None:
         self.index = index
         self.time_s = float(index)
-        self._colour = colour
+        self.stored = stored
+        self._mosaic = mosaic
 
     def gray(self) -> GrayImage:
-        """Gray levels (H, W)."""
-        return np.asarray(cv2.cvtColor(self._colour, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+        """Gray levels (H, W), uint8 or uint16."""
+        if self.stored.ndim == 3:
+            return np.asarray(cv2.cvtColor(self.stored, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+        return self.stored if self._mosaic is None else self._mosaic.gray(self.stored)
 
     def colour(self) -> NDArray[np.uint8]:
         """Colour image (H, W, 3), blue first."""
-        return self._colour
+        if self.stored.ndim == 3:
+            return self.stored
+        if self._mosaic is not None:
+            return self._mosaic.colour(self.stored)
+        eight = self.stored >> (8 * (self.stored.itemsize - 1))
+        return np.asarray(cv2.cvtColor(eight.astype(np.uint8), cv2.COLOR_GRAY2BGR), np.uint8)
 
 
 class Animation:
-    """An animated WebP; its pictures count, its playback times do not.
+    """An animated WebP or a stack of TIFF; its pictures count, its playback times do not.
 
     Parameters
     ----------
@@ -212,13 +227,17 @@ class Animation:
 
     def __init__(self, path: Path, *, whole: bool = False) -> None:
         self._path = path
-        first = next(self.pictures()).colour()
+        self._mosaic: Mosaic | None = None
+        first = next(self.pictures()).stored
+        self._mosaic = mosaic_of(first)
         with _opened(path) as image:
             count = int(getattr(image, "n_frames", 1))
         self._times = np.arange(count, dtype=np.float64)
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        notes = (None if self._mosaic is None else MOSAIC_NOTE,)
+        codec = path.suffix.lower().lstrip(".")
         self.upright, self.info = _described(
-            path, digest, first, self._times, "webp", (), whole=whole
+            path, digest, first, self._times, codec, notes, whole=whole
         )
 
     @property
@@ -232,15 +251,23 @@ class Animation:
             for index in range(int(getattr(image, "n_frames", 1))):
                 try:
                     image.seek(index)
-                    picture = np.asarray(image.convert("RGB"))
+                    picture = _pixels(image)
                 except (EOFError, OSError, ValueError) as problem:
                     if index:
                         return
                     raise ClipError(
                         f"no picture of {self._path} can be decoded",
-                        hint="The WebP is damaged. Save it again, or as MP4.",
+                        hint="The file is damaged. Save it again, or as MP4.",
                     ) from problem
-                yield AnimationFrame(index, np.ascontiguousarray(picture[:, :, ::-1]))
+                yield AnimationFrame(index, picture, self._mosaic)
+
+
+def _pixels(image: Any) -> NDArray[Any]:
+    """Gray levels of 8 or 16 bit, or colours (blue first)."""
+    if image.mode == "L" or image.mode.startswith("I;16"):
+        gray = np.asarray(image)
+        return gray.astype(gray.dtype.newbyteorder("="))
+    return np.ascontiguousarray(np.asarray(image.convert("RGB"))[:, :, ::-1])
 
 
 @contextmanager
@@ -251,7 +278,7 @@ def _opened(path: Path) -> Iterator[Any]:
         image = Image.open(path)
     except (UnidentifiedImageError, OSError, ValueError, Image.DecompressionBombError) as problem:
         raise ClipError(
-            f"{path} cannot be read as an animated WebP", hint="Save it again, or as MP4."
+            f"{path} cannot be read as a series of pictures", hint="Save it again, or as MP4."
         ) from problem
     with image:
         width, height = image.size
@@ -260,10 +287,10 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def is_animation(path: Path) -> bool:
-    """Whether a file is a WebP, which FFmpeg does not animate."""
+    """Whether a file is a WebP or TIFF, of which FFmpeg reads only the first picture."""
     with path.open("rb") as file:
         head = file.read(12)
-    return head[:4] == b"RIFF" and head[8:12] == b"WEBP"
+    return (head[:4] == b"RIFF" and head[8:12] == b"WEBP") or head[:4] in (b"II*\0", b"MM\0*")
 
 
 _MAX_NUMBER_STEP = 10

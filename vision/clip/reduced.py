@@ -97,4 +97,5 @@ class ReducedVideo:
             format=name,
             interpolation="AREA",
         )
-        return replace(picture, frame=small)
+        # means of a mosaic are gray
+        return replace(picture, frame=small, mosaic=None)

@@ -170,3 +170,11 @@ def test_letter_case_of_a_ball_is_ignored(tmp_path: Path) -> None:
     path = tmp_path / "book.csv"
     path.write_text("clip,ball\na,JOKKU\n", encoding="utf-8")
     assert with_known_balls(read_lab_book(path), ["Jokku"]).strikes[0].ball == "Jokku"
+
+
+@pytest.mark.timeout(20)
+def test_a_book_that_runs_sideways_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "book.csv"
+    path.write_text("clip," + ",".join(map(str, range(200_000))) + "\na" + 200_000 * "," + "\n")
+    with pytest.raises(UsageError, match="more than 2000 columns"):
+        read_lab_book(path)

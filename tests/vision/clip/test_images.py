@@ -1,4 +1,4 @@
-"""Sequences of images: animated WebP, raw mosaics, and every n-th picture."""
+"""Sequences of images: animated WebP, TIFF stacks, raw mosaics, and every n-th picture."""
 
 from pathlib import Path
 
@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 
 from metrology import ClipError
+from tests.vision.clip.written_clips import write_clip
 from vision.clip.clip import ClipReader
 from vision.clip.mosaic import mosaic_of
 
@@ -87,3 +88,37 @@ def test_every_third_picture_keeps_the_camera_s_clock(tmp_path: Path) -> None:
     assert all(np.array_equal(one, scene(3 * k)) for k, one in enumerate(seen))
     with pytest.raises(ClipError, match="1 frame"):
         ClipReader.open(tmp_path, every=10)
+
+
+def test_a_tiff_stack_is_a_clip_of_its_pictures(tmp_path: Path) -> None:
+    deep = [np.full((32, 40), 257 * level, dtype=np.uint16) for level in (10, 20, 30)]
+    stack = [Image.fromarray(one) for one in deep]
+    path = tmp_path / "stack.tif"
+    stack[0].save(path, save_all=True, append_images=stack[1:])
+    clip = ClipReader.open(path)
+    assert (clip.info.frames, clip.info.bit_depth, clip.info.codec) == (3, 16, "tif")
+    np.testing.assert_array_equal([frame.gray for frame in clip.frames()], deep)
+    assert [image.max() for _, image in clip.colour_frames()] == [10, 20, 30]
+
+
+def test_a_raw_video_is_averaged_over_its_filters(tmp_path: Path) -> None:
+    pictures = []
+    for k in range(3):
+        levels = np.full((48, 64), 60, dtype=np.uint8)
+        levels[0::2, 0::2], levels[1::2, 1::2] = 20, 140
+        levels[10:30, 10 + 6 * k : 30 + 6 * k] += 80
+        pictures.append(levels)
+    clip = ClipReader.open(write_clip(tmp_path / "a.mkv", pictures, codec="ffv1", pix_fmt="gray"))
+    assert any("mosaic of colour filters" in said for said in clip.warnings)
+    for frame in clip.frames():
+        assert float(np.ptp(frame.gray[34:44, 4:60])) <= 1
+    blue, green, red = next(clip.colour_frames())[1][38, 30]
+    found = [*sorted((int(blue), int(red))), int(green)]
+    np.testing.assert_allclose(found, [20, 140, 60], atol=1)
+
+
+def test_a_folder_of_videos_is_no_folder_of_images(tmp_path: Path) -> None:
+    (tmp_path / "a.mp4").write_bytes(b"")
+    with pytest.raises(ClipError) as refused:
+        ClipReader.open(tmp_path)
+    assert "vision campaign" in str(refused.value.hint)
