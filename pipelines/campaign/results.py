@@ -21,7 +21,7 @@ from metrology.files import printable, written_whole
 from pipelines.campaign.files import clip_key
 from pipelines.campaign.ledger import Entry, State
 from pipelines.interop.headers import folded
-from pipelines.interop.tables import refuse_sideways
+from pipelines.interop.sheets import refuse_sideways
 from pipelines.measure.files import column_name, without_formulas
 from pipelines.measure.inputs import QUANTITY_UNITS, main_quantities
 from vision.tracks import MotionKind
