@@ -966,9 +966,12 @@ def _stretches(time: FloatArray, rows: NDArray[np.int64], length: int) -> list[N
     return pieces
 
 
-def _projector(time: FloatArray, highest: int) -> FloatArray:
+def _off_polynomial(
+    time: FloatArray, value: FloatArray, highest: int
+) -> tuple[FloatArray, FloatArray]:
+    """What a polynomial leaves, and which fraction of each row's variance it leaves."""
     basis = _polynomials(time.tobytes(), highest)
-    return np.asarray(np.eye(time.size) - basis @ basis.T)
+    return value - basis @ (basis.T @ value), 1.0 - np.square(basis).sum(axis=1)
 
 
 @lru_cache(maxsize=8192)
@@ -1020,9 +1023,8 @@ def _over(
             pieces.extend((trial, piece) for piece in _stretches(time[trial], rows, length))
     spread = []
     for trial, rows in pieces:
-        project = _projector(time[trial, rows], highest)
-        left = project @ value[trial, rows]
-        spread.append(left / np.sqrt(np.maximum(np.diag(project), 0.05)))
+        left, remaining = _off_polynomial(time[trial, rows], value[trial, rows], highest)
+        spread.append(left / np.sqrt(np.maximum(remaining, 0.05)))
     sums = [_NoiseSums() for _ in range(used.shape[0])]
     if not pieces:
         return sums, outliers
@@ -1030,9 +1032,8 @@ def _over(
     for trial, rows in pieces:
         kept = rows
         for _ in range(6):
-            project = _projector(time[trial, kept], highest)
-            left = project @ value[trial, kept]
-            size = np.abs(left) / np.sqrt(np.maximum(np.diag(project), 0.05)) / rough
+            left, remaining = _off_polynomial(time[trial, kept], value[trial, kept], highest)
+            size = np.abs(left) / np.sqrt(np.maximum(remaining, 0.05)) / rough
             worst = int(np.argmax(size))
             if size[worst] < OUTLIER or kept.size < 8:
                 break
@@ -1040,7 +1041,7 @@ def _over(
             kept = np.delete(kept, worst)
         total = sums[trial]
         total.squares += float(left @ left)
-        total.dof += float(np.trace(project))
+        total.dof += float(remaining.sum())
     return sums, outliers
 
 

@@ -212,13 +212,10 @@ def _find_clocks(forward: Forward, model: ForwardModel) -> FloatArray:
         best = 0.5 * (low + high)
         candidates = np.linspace(low, high, 241)
         for _ in range(4):
-            costs = [
-                sum(
-                    float(np.abs(np.interp(t - c, dense, nominal[trial, axis]) - v).sum())
-                    for t, v, axis in series
-                )
-                for c in candidates
-            ]
+            costs = np.zeros(candidates.size)
+            for t, v, axis in series:
+                path = np.interp(t - candidates[:, None], dense, nominal[trial, axis])
+                costs += np.abs(path - v).sum(axis=1)
             best = float(candidates[int(np.argmin(costs))])
             candidates = np.linspace(best - step, best + step, 21)
             step /= 8.0
