@@ -44,8 +44,8 @@ def lead(folder: Path, cache: Path) -> float | None:
     return None if found is None else float(found)
 
 
-def fit_cost(careful: Iterable[float], concealed: Iterable[float]) -> float:
-    """Cost at which the odds e^(lead − cost)/2 are most probable."""
+def fit_cost(careful: Iterable[float], concealed: Iterable[float]) -> tuple[float, float]:
+    """Cost at which the odds e^(lead − cost)/2 are most probable, and its standard uncertainty."""
     ahead = np.clip(np.array([*careful]), -STRONG, STRONG)
     behind = np.clip(np.array([*concealed]), -STRONG, STRONG)
 
@@ -53,13 +53,27 @@ def fit_cost(careful: Iterable[float], concealed: Iterable[float]) -> float:
         wrong = np.concatenate([cost - ahead, behind - cost])
         return float(np.sum(np.logaddexp(0.0, 0.5 * wrong)))
 
-    return float(minimize_scalar(surprise, bounds=(-STRONG, STRONG), method="bounded").x)
+    cost = float(minimize_scalar(surprise, bounds=(-STRONG, STRONG), method="bounded").x)
+    chance = 1.0 / (1.0 + np.exp(-0.5 * (np.concatenate([ahead, behind]) - cost)))
+    information = 0.25 * float(np.sum(chance * (1.0 - chance)))
+    return cost, 1.0 / np.sqrt(max(information, 1e-12))
 
 
 def _leads(source: Path, cache: Path, most: int) -> list[float]:
     folders = [p.parent for p in sorted(source.glob("*/setup.toml"))]
     struck = [folder for folder in folders if (folder / "ball.csv").exists()]
     return [one for folder in struck[:most] if (one := lead(folder, cache)) is not None]
+
+
+def _print_reliability(careful: list[float], concealed: list[float], cost: float) -> None:
+    """Stated probability of careful inputs by thirds of all campaigns, and how many are careful."""
+    leads = np.clip(np.array([*careful, *concealed]), -STRONG, STRONG)
+    right = np.repeat([1.0, 0.0], [len(careful), len(concealed)])
+    chance = 1.0 / (1.0 + np.exp(-0.5 * (leads - cost)))
+    for third in np.array_split(np.argsort(chance), 3):
+        if third.size:
+            stated, seen = chance[third].mean(), right[third].mean()
+            print(f"stated {stated:.2f}, careful {seen:.2f} of {third.size} campaigns")
 
 
 def main() -> None:
@@ -78,7 +92,9 @@ def main() -> None:
         count = sum((one > PRIOR_COST) == right for one in leads)
         low, high = wilson(count, len(leads))
         print(f"{name}: {count} of {len(leads)} on the right side ({low:.2f} to {high:.2f})")
-    print(f"cost: {fit_cost(careful, concealed):.2f}, used: {PRIOR_COST}")
+    cost, std = fit_cost(careful, concealed)
+    print(f"cost: {cost:.1f} ± {std:.1f}, used: {PRIOR_COST}")
+    _print_reliability(careful, concealed, cost)
 
 
 if __name__ == "__main__":

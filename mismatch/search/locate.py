@@ -425,7 +425,8 @@ def noise_notes(campaign: CampaignRecords, prepared: Prepared) -> tuple[str, ...
     ):
         if claim is not None and found is not None and not 0.85 < found / claim < 1.18:
             notes.append(
-                f"the noise of the {what} is {found:.2g} {unit}, not {claim:.2g} as claimed"
+                f"the noise of the {what} is {found:.2g} {unit}, not {claim:.2g} as claimed;"
+                " the estimate was used"
             )
     if (noise.inflation > 1.5).any():
         worst = float(noise.inflation.max())
