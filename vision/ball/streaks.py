@@ -12,12 +12,14 @@ the pixel, and a, b, c its light (what shading leaves when it is smeared), elimi
 coarsest grain that still tells the radius: that is enough for what is smeared over many pixels.
 """
 
+import math
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from metrology.compiled import compiled
 from vision.ball.outline import OutlineFits, nothing_found
 from vision.scene import FilmedScene, Window
 
@@ -108,6 +110,9 @@ def fit_sweep(
         return None
     half = 0.5 * (grain - 1)
     values = np.array([*(start.centre - half), *start.motion, start.radius]) / grain
+    if np.hypot(*values[2:4]) < _SOFT:
+        # At rest the derivatives over the motion vanish: it would stay there.
+        values[2:4] = _SOFT, 0.0
     fit = _StreakFit(seen, scene, noise / grain, values, free_radius)
     if not fit.run():
         return None
@@ -131,8 +136,6 @@ class _StreakFit:
     def __init__(
         self, seen: FloatArray, scene: FloatArray, noise: float, values: FloatArray, radius: bool
     ) -> None:
-        rows, columns = np.mgrid[: seen.shape[0], : seen.shape[1]]
-        self._x, self._y = columns.ravel().astype(np.float64), rows.ravel().astype(np.float64)
         self._scene = scene.ravel()
         self._change = seen.ravel() - self._scene
         self._noise = max(noise, 0.5)
@@ -178,8 +181,10 @@ class _StreakFit:
 
     def explained(self) -> float:
         """Part of the change within the disc's reach that it explains."""
-        near = self._cover(self.values, reach=_SOFT + 1.0) > 0.0
-        left, change = self._left(self.values)[near], self._change[near]
+        near = np.empty(self._shape)
+        _cover(self.values, _SOFT + 1.0, near)
+        there = near.ravel() > 0.0
+        left, change = self._left(self.values)[there], self._change[there]
         total = float(change @ change)
         return max(0.0, 1.0 - float(left @ left) / total) if total > 0.0 else 0.0
 
@@ -188,7 +193,8 @@ class _StreakFit:
         left = self._left(self.values)
         weighted = self._slope() * self._weight[:, None]
         normal, _ = self._equations(left)
-        turn = np.arctan2(self._y - self.values[1], self._x - self.values[0])
+        rows, columns = np.indices(self._shape)
+        turn = np.arctan2(rows - self.values[1], columns - self.values[0]).ravel()
         sector = ((turn / (2 * np.pi) + 0.5) * _SECTORS).astype(np.int64) % _SECTORS
         pull = np.stack(
             [np.bincount(sector, column * left, _SECTORS) for column in weighted.T],
@@ -206,25 +212,18 @@ class _StreakFit:
         return float(self._weight @ (left * left) + self._held[self._free] @ (off * off)), left
 
     def _left(self, values: FloatArray) -> FloatArray:
-        """What discs at values (..., 5) leave unexplained (..., n), their light eliminated."""
-        cover = self._cover(values)
-        x, y = (
-            (axis - values[..., place, None]) / values[..., 4, None]
-            for place, axis in enumerate((self._x, self._y))
-        )
-        basis = np.stack([cover, cover * x, cover * y], axis=-2)
-        target = self._change + cover * self._scene
-        weighted = basis * self._weight
-        ridge = 1e-6 * float(self._weight.mean()) * np.diag([1.0, 30.0, 30.0]) * cover.shape[-1]
-        normal = weighted @ np.swapaxes(basis, -1, -2) + ridge
-        light = np.linalg.solve(normal, weighted @ target[..., None])
-        return np.asarray(target - (np.swapaxes(light, -1, -2) @ basis)[..., 0, :])
+        """What a disc at values (5,) leaves unexplained (n,), its light eliminated."""
+        left = np.empty(self._change.size)
+        cover = np.empty(self._shape)
+        _cover(values, 0.0, cover)
+        _leave(cover.ravel(), self._shape[1], values, self._change, self._scene, self._weight, left)
+        return left
 
     def _slope(self) -> FloatArray:
         """Derivatives of what is left over the free values (n, f)."""
         nudges = _NUDGE * np.eye(5)[self._free]
-        less, more = self._left(self.values + np.stack([-nudges, nudges]))
-        return np.asarray((less - more).T / (2.0 * _NUDGE))
+        columns = [self._left(self.values - off) - self._left(self.values + off) for off in nudges]
+        return np.column_stack(columns) / (2.0 * _NUDGE)
 
     def _equations(self, left: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Normal matrix and pull of the free values."""
@@ -241,25 +240,73 @@ class _StreakFit:
         longest = max(float(np.hypot(step[0], step[1])), 1e-9)
         return np.asarray(step * min(1.0, self.values[4] / longest))
 
-    def _cover(self, values: FloatArray, reach: float = 0.0) -> FloatArray:
-        """Part of the exposure in which discs at values (..., 5) cover each pixel, (..., n)."""
-        at_x, at_y, go_x, go_y, radius = np.moveaxis(values, -1, 0)[..., None]
-        x, y = self._x - at_x, self._y - at_y
-        length = np.hypot(go_x, go_y)
-        still = length < 1e-6
-        ux, uy = (
-            np.where(still, rest, go / np.where(still, 1.0, length))
-            for rest, go in ((1.0, go_x), (0.0, go_y))
-        )
-        along, across = x * ux + y * uy, y * ux - x * uy
-        total = np.zeros_like(x)
-        wide = np.hypot(length, _SOFT)
-        ahead, behind = along + 0.5 * wide, along - 0.5 * wide
-        for shift in (-0.5, 0.0, 0.5):
-            half = np.sqrt(np.maximum((radius + reach) ** 2 - (across + shift * _SOFT) ** 2, 0.0))
-            lap = np.minimum(ahead, half) - np.maximum(behind, -half)
-            total += np.maximum(lap, 0.0) / wide
-        return np.asarray(total / 3.0)
+
+@compiled
+def _cover(values: FloatArray, reach: float, cover: FloatArray) -> None:
+    """Part of the exposure in which a disc at values (5,) covers each pixel (h, w)."""
+    length = math.sqrt(values[2] ** 2 + values[3] ** 2)
+    ux, uy = 1.0, 0.0
+    if length >= 1e-6:
+        ux, uy = values[2] / length, values[3] / length
+    wide = math.sqrt(length * length + _SOFT * _SOFT)
+    square = (values[4] + reach) ** 2
+    for row in range(cover.shape[0]):
+        for column in range(cover.shape[1]):
+            x, y = column - values[0], row - values[1]
+            along, across = x * ux + y * uy, y * ux - x * uy
+            total = 0.0
+            for place in range(3):
+                off = across + 0.5 * (place - 1) * _SOFT
+                half = math.sqrt(max(square - off * off, 0.0))
+                lap = min(along + 0.5 * wide, half) - max(along - 0.5 * wide, -half)
+                total += max(lap, 0.0)
+            cover[row, column] = total / (3.0 * wide)
+
+
+@compiled
+def _leave(
+    cover: FloatArray,
+    width: int,
+    values: FloatArray,
+    change: FloatArray,
+    scene: FloatArray,
+    weight: FloatArray,
+    left: FloatArray,
+) -> None:
+    """What a disc that covers pixels so leaves of their change, its light by least squares."""
+    normal, pull = np.zeros((3, 3)), np.zeros(3)
+    basis, usual = np.empty(3), 0.0
+    for place in range(len(cover)):
+        usual += weight[place]
+        if cover[place] == 0.0:
+            continue
+        basis[0] = cover[place]
+        basis[1] = cover[place] * (place % width - values[0]) / values[4]
+        basis[2] = cover[place] * (place // width - values[1]) / values[4]
+        target = change[place] + cover[place] * scene[place]
+        for i in range(3):
+            pull[i] += weight[place] * basis[i] * target
+            for j in range(i + 1):
+                normal[i, j] += weight[place] * basis[i] * basis[j]
+    for i in range(3):
+        # Without it a disc that covers nothing has no light at all.
+        normal[i, i] += 1e-6 * usual * (1.0 if i == 0 else 30.0)
+    for i in range(3):  # Cholesky, and the triangles solved in place
+        for j in range(i + 1):
+            for k in range(j):
+                normal[i, j] -= normal[i, k] * normal[j, k]
+            normal[i, j] = math.sqrt(normal[i, i]) if i == j else normal[i, j] / normal[j, j]
+        for k in range(i):
+            pull[i] -= normal[i, k] * pull[k]
+        pull[i] /= normal[i, i]
+    for i in range(2, -1, -1):
+        for k in range(i + 1, 3):
+            pull[i] -= normal[k, i] * pull[k]
+        pull[i] /= normal[i, i]
+    for place in range(len(cover)):
+        x, y = (place % width - values[0]) / values[4], (place // width - values[1]) / values[4]
+        light = pull[0] + pull[1] * x + pull[2] * y
+        left[place] = change[place] + cover[place] * (scene[place] - light)
 
 
 def swept_outlines(
