@@ -578,12 +578,14 @@ class Aligner:
     def __init__(self, scene: FloatImage, noise: float) -> None:
         self._scene = scene
         self._noise = noise
-        self._smooth = cv2.GaussianBlur(scene, (0, 0), 1.0)
+        self._smooth = np.asarray(cv2.GaussianBlur(scene, (0, 0), 1.0), dtype=np.float32)
         self._gx = cv2.Scharr(self._smooth, cv2.CV_32F, 1, 0) / 32.0
         self._gy = cv2.Scharr(self._smooth, cv2.CV_32F, 0, 1) / 32.0
         self._rows, self._columns = _structured_points(np.hypot(self._gx, self._gy))
         height, width = scene.shape
         self._centre = (0.5 * (width - 1), 0.5 * (height - 1))
+        self._grain = max(1, round(width / _JUMP_WIDTH_PX))
+        self._coarse = self._reduced(self._smooth)
 
     def view(self, frame: FloatImage, start: FrameView | None = None) -> FrameView:
         """Register one frame.
@@ -606,14 +608,21 @@ class Aligner:
         smooth = np.asarray(cv2.GaussianBlur(frame, (0, 0), 1.0), dtype=np.float32)
         found = self._refine(smooth, guess)
         if found[1] > 1.7:
-            # On copies: the transform works in place.
-            jump, _ = cv2.phaseCorrelate(self._smooth.copy(), smooth.copy())
-            again = self._refine(smooth, FrameView(1.0, np.array(jump, dtype=np.float64), 0.0, 0.0))
+            # On a copy: the transform works in place.
+            jump, _ = cv2.phaseCorrelate(self._coarse.copy(), self._reduced(smooth))
+            shift = self._grain * np.array(jump, dtype=np.float64)
+            again = self._refine(smooth, FrameView(1.0, shift, 0.0, 0.0))
             # A wall's grid repeats: of two fits about as good, the nearer is right. And what moves
             # may have the strongest edges: the scene is what most of the picture agrees with.
             better = again[1] < 0.7 * found[1] and self._prefer(again[2], found[2])
             found = again if better else found
         return found[0]
+
+    def _reduced(self, smooth: FloatImage) -> FloatImage:
+        height, width = smooth.shape[0] // self._grain, smooth.shape[1] // self._grain
+        whole = smooth[: height * self._grain, : width * self._grain]
+        small = cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA)
+        return np.asarray(small, dtype=np.float32)
 
     def _refine(self, frame: FloatImage, guess: FrameView) -> tuple[FrameView, float, FloatArray]:
         rows, columns = self._rows, self._columns
@@ -665,6 +674,11 @@ class Aligner:
         spread = _SPEAKS * np.sqrt(np.maximum(known.sum(axis=1), 1))
         for_one = np.where(known, gain, 0.0).sum(axis=1)
         return int(np.sum(for_one > spread)) > int(np.sum(for_one < -spread))
+
+
+_JUMP_WIDTH_PX = 320
+"""Width at which a camera's jump is looked for. Derived: it is found to a tenth of a pixel there,
+and a fit at full size goes on from there."""
 
 
 def _sampled(frame: FloatImage, x: FloatImage, y: FloatImage) -> FloatImage:
