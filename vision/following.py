@@ -232,36 +232,40 @@ def _path_of(tracklet: Tracklet) -> BallPath:
 
 def _fit(scene: FilmedScene, path: BallPath, contrast: FloatArray) -> tuple[FilmedScene, BallFits]:
     """Fit outlines along a path in gray; else against what is behind it, or in its own colour."""
-    known, fits = scene.known, follow_ball(scene, path)
-    enough = _ENOUGH * len(path.frame)
-    if _agreement(fits, path) < enough:
+    picture, agreement = scene, _agreement(scene, path)
+    if agreement < _ENOUGH:
+        known = scene.known
         _uncover(scene, path)
-        again = follow_ball(scene, path)
-        if _agreement(again, path) > _agreement(fits, path):
-            fits = again
-        else:
+        again = _agreement(scene, path)
+        if again <= agreement:
             scene.restore(known)
+        agreement = max(agreement, again)
     blue, green, red = contrast
     luma = 0.114 * blue + 0.587 * green + 0.299 * red
     chroma = np.array([blue - luma, red - luma])
-    if _agreement(fits, path) >= enough or np.hypot(*chroma) < 1.0:
-        return scene, fits
-    tinted = scene.tinted(*(chroma / np.abs(chroma).max()).tolist())
-    _uncover(tinted, path)
-    other = follow_ball(tinted, path)
-    return (tinted, other) if _agreement(other, path) > _agreement(fits, path) else (scene, fits)
+    if agreement < _ENOUGH and np.hypot(*chroma) >= 1.0:
+        tinted = scene.tinted(*(chroma / np.abs(chroma).max()).tolist())
+        _uncover(tinted, path)
+        picture = tinted if _agreement(tinted, path) > agreement else scene
+    return picture, follow_ball(picture, path)
 
 
 _ENOUGH = 0.9
-"""Share of the detections that agree with the fits beyond which no other picture is tried.
+"""Share of the detections that agree with outlines beyond which no other picture is tried.
 Convention: one in ten is hidden or smeared."""
 
+_LOOKS = 40
+"""Detections, spread over the path, by which a picture is chosen. Given by the budget: their share
+scatters by less than a tenth."""
 
-def _agreement(fits: BallFits, path: BallPath) -> int:
-    """Frames in which a fit lies where the object was detected."""
-    _, own, theirs = np.intersect1d(fits.frame, path.frame, return_indices=True)
-    away = np.hypot(*(fits.centre[own] - path.centre_px[theirs]).T)
-    return int(np.count_nonzero(away < _NEAR_RADII * path.radius_px[theirs] + 1.0))
+
+def _agreement(scene: FilmedScene, path: BallPath) -> float:
+    """Share of the detections near which an outline fits."""
+    rows = np.unique(np.linspace(0, len(path.frame) - 1, _LOOKS).astype(int))
+    frame, guess = path.frame[rows], path.centre_px[rows]
+    fits = outlines_near(scene, path.radius, frame, guess)
+    away = np.hypot(*(fits.centre - guess).T)
+    return float(np.mean(fits.found & (away < _NEAR_RADII * path.radius_px[rows] + 1.0)))
 
 
 _UNCOVERED_FRAMES = 21
@@ -536,9 +540,9 @@ twenty other tracklets."""
 
 
 def _an_object(found: FoundObjects, other: Tracklet) -> bool:
-    """Whether a tracklet would surely be selected if it were alone, and is no shadow."""
+    """Whether a tracklet would surely be selected if it were alone."""
     place = next(k for k, one in enumerate(found.tracklets) if one is other)
-    return bool(found.selection.alone[place] > _OTHER_OBJECT and not _maybe_shadow(other))
+    return bool(found.selection.alone[place] > _OTHER_OBJECT)
 
 
 def _maybe_shadow(tracklet: Tracklet) -> bool:
