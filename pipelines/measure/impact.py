@@ -734,15 +734,22 @@ def _path_residuals(
 
 @dataclass(frozen=True)
 class _Pulses:
-    """Compression and path (L, E, P) on an even grid of phases, for L contacts and E exponents."""
+    """Compression and path on an even grid of phases.
+
+    Tables (U, E, P) for U coefficients of restitution and E exponents; `which` of the U each of L
+    contacts has (L,).
+    """
 
     compression: FloatArray
     path: FloatArray
+    which: NDArray[np.int64]
 
     @classmethod
     def of(cls, cor: FloatArray) -> "_Pulses":
-        every = [_pulses_of(round(float(one), 2)) for one in cor]
-        return cls(*(np.stack(columns) for columns in zip(*every, strict=True)))
+        values, which = np.unique(np.round(cor, 2), return_inverse=True)
+        every = [_pulses_of(one) for one in values.tolist()]
+        compression, path = (np.stack(columns) for columns in zip(*every, strict=True))
+        return cls(compression, path, which)
 
     def at(self, phase: FloatArray, table: FloatArray) -> FloatArray:
         """Table interpolated at phases (N, L) of each contact, (N, L, E)."""
@@ -750,10 +757,8 @@ class _Pulses:
         place = np.clip(phase, 0.0, 1.0) * last
         below = np.minimum(place.astype(np.int64), last - 1)
         part = (place - below)[..., np.newaxis]
-        contact = np.arange(len(table))
-        return np.asarray(
-            table[contact, :, below] * (1.0 - part) + table[contact, :, below + 1] * part
-        )
+        lower, upper = table[self.which, :, below], table[self.which, :, below + 1]
+        return np.asarray(lower * (1.0 - part) + upper * part)
 
     def path_length(self, phase: FloatArray) -> FloatArray:
         """Path length at phases (N, L), over speed at release × duration, (N, L, E)."""
