@@ -383,7 +383,7 @@ def trains(place: int, name: str) -> bool:
     return name.startswith(_LABS) or place % 2 == 0
 
 
-_LABS = ("labs", "dev")
+_LABS = ("labs", "dev", "unseen")
 """Beginnings of the names of labs drawn at random."""
 
 
@@ -418,7 +418,8 @@ def main() -> None:
     report(names, tables)
     own = [table for k, table in enumerate(tables) if trains(k, names[k])]
     known |= {"linking": entries, "recordings": len(own)}
-    weights = np.array([known["selection"][name]["value"] for name in (*FEATURES, "some")])
+    kept = {name: entry["value"] for name, entry in known["selection"].items()}
+    weights = np.array([kept.get(name, 0.0) for name in (*FEATURES, "some")])
     if given.selection == "fitted":
         weights = fit_selection(own)
     known["selection"] = _selection_entries(own, weights, given.draws)

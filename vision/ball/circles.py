@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from metrology.compiled import compiled
 from vision.ball.edges import EdgePoints, edge_points, places
 
-__all__ = ["Circles", "find_circles", "fit_to_edges", "same"]
+__all__ = ["Circles", "distinct", "find_circles", "fit_to_edges"]
 
 FloatImage = NDArray[np.float32]
 
@@ -36,12 +36,6 @@ _FAINT_SHARE = 0.25
 def rank(circle: Circle) -> float:
     """How clear and large a circle is, the clearest lowest."""
     return -circle[3] * math.log1p(circle[4]) * math.sqrt(circle[2])
-
-
-def same(circle: Circle, other: Circle) -> bool:
-    """Whether two circles describe the same thing."""
-    gap = math.hypot(circle[0] - other[0], circle[1] - other[1])
-    return bool(gap < 0.5 * max(circle[2], other[2]) and 0.6 < circle[2] / other[2] < 1.6)
 
 
 def panel_of(circle: Circle, other: Circle) -> bool:
@@ -348,14 +342,45 @@ def _vote(
 
 def fit_to_edges(edges: EdgePoints, start: FloatArray) -> list[Circle]:
     """Fit circles (x, y, radius) to the edges near them, and say how much of them is covered."""
-    found = np.empty((len(start), 5))
+    found = np.column_stack([start, np.zeros((len(start), 2))])
     alive = np.empty(len(start), dtype=np.bool_)
-    for place, first in enumerate(start):
-        found[place, :3] = first
-        alive[place] = _fit_circle(
-            edges.x, edges.y, edges.nx, edges.ny, edges.strength, found[place]
-        )
+    _fit_circles(edges.x, edges.y, edges.nx, edges.ny, edges.strength, found, alive)
     return [(row[0], row[1], row[2], row[3], row[4]) for row in found[alive].tolist()]
+
+
+def distinct(circles: FloatArray) -> NDArray[np.bool_]:
+    """Which of some circles (n, 3 or more) describe nothing that an earlier one does (n,)."""
+    first = np.ones(len(circles), dtype=np.bool_)
+    _write_first(np.ascontiguousarray(circles), first)
+    return first
+
+
+@compiled
+def _write_first(circles: FloatArray, first: NDArray[np.bool_]) -> None:
+    for place in range(len(circles)):
+        for other in range(place):
+            if not first[other]:
+                continue
+            x, y = circles[place, 0] - circles[other, 0], circles[place, 1] - circles[other, 1]
+            larger = max(circles[place, 2], circles[other, 2])
+            ratio = circles[place, 2] / circles[other, 2]
+            if x * x + y * y < 0.25 * larger * larger and 0.6 < ratio < 1.6:
+                first[place] = False
+                break
+
+
+@compiled
+def _fit_circles(
+    x: FloatImage,
+    y: FloatImage,
+    nx: FloatImage,
+    ny: FloatImage,
+    strength: FloatImage,
+    circles: FloatArray,
+    alive: NDArray[np.bool_],
+) -> None:
+    for place in range(len(circles)):
+        alive[place] = _fit_circle(x, y, nx, ny, strength, circles[place])
 
 
 @compiled
@@ -438,13 +463,9 @@ def _distinct(found: list[Circle], most: int, picture: FloatImage, expected: Flo
     ranked = sorted(found, key=rank)
     outer = [circle for circle in ranked if circle[3] >= 0.7]
     ranked = [circle for circle in ranked if not any(panel_of(circle, other) for other in outer)]
-    kept: list[Circle] = []
-    for circle in ranked:
-        if not any(same(circle, other) for other in kept):
-            kept.append(circle)
-        if len(kept) == most:
-            break
-    table = np.array(kept, dtype=np.float64).reshape(-1, 5)
+    table = np.array(ranked, dtype=np.float64).reshape(-1, 5)
+    table = table[distinct(table)][:most]
+    kept = [(row[0], row[1], row[2], row[3], row[4]) for row in table.tolist()]
     presence = np.array([_presence(circle, picture, expected) for circle in kept])
     level = np.array([_level(circle, picture) for circle in kept])
     return Circles(table[:, :2], table[:, 2], table[:, 3], table[:, 4], presence, level)

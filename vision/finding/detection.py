@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology.compiled import compiled
-from vision.ball.circles import fit_to_edges, same
+from vision.ball.circles import distinct, fit_to_edges
 from vision.ball.edges import EdgePoints
 from vision.scene import sorted_stack
 
@@ -44,7 +44,7 @@ MAX_FRAMES = 400
 _EPOCH_FRAMES = 15
 """Frames in the median of a background. Derived: noise falls to a third."""
 
-_PER_FRAME = 8
+_PER_FRAME = 16
 """Detections of a frame at most. Measured: the true ball was among the first six where it was
 found at all."""
 
@@ -324,31 +324,56 @@ def _vote(
     y: FloatImage,
     nx: FloatImage,
     ny: FloatImage,
-    radius: float,
+    radii: FloatArray,
     margin: int,
-    votes: FloatImage,
+    both_sides: bool,
+    best: FloatImage,
+    layer_of: NDArray[np.uint8],
 ) -> None:
-    """Count the edges that point to each place from a radius away, over what chance scatters."""
-    height, width = votes.shape
-    worth = np.float32(1.0 / (2.0 * np.pi * math.sqrt(radius)))
-    votes[:, :] = np.float32(0.0)
-    for k in range(len(x)):
-        for side in range(-1, 2, 2):
-            column = int(np.rint(x[k] + side * radius * nx[k])) + margin
-            row = int(np.rint(y[k] + side * radius * ny[k])) + margin
-            if 1 <= row < height - 1 and 1 <= column < width - 1:
-                votes[row, column] += worth
+    """Most edges, over what chance scatters, that point to each place's square from a radius away.
 
-
-@compiled
-def _raise_best(
-    sums: FloatImage, layer: int, best: FloatImage, layer_of: NDArray[np.uint8]
-) -> None:
-    for row in range(best.shape[0]):
-        for column in range(best.shape[1]):
-            if sums[row, column] > best[row, column]:
-                best[row, column] = sums[row, column]
-                layer_of[row, column] = layer
+    Written with the radius of which it is so, where they are enough, zero elsewhere. Edges point up
+    their slope, or either way. Votes are counted in squares of four pixels first: most places are
+    out of the question then.
+    """
+    height, width = best.shape
+    count = np.zeros(best.shape, dtype=np.uint16)
+    coarse = np.zeros((height // 4 + 2, width // 4 + 2), dtype=np.int32)
+    rows = np.empty(2 * len(x), dtype=np.int32)
+    columns = np.empty(2 * len(x), dtype=np.int32)
+    for layer in range(len(radii)):
+        coarse[:, :] = 0
+        used = 0
+        for k in range(len(x)):
+            for side in range(1 + both_sides):
+                reach = radii[layer] * (1.0 - 2.0 * side)
+                across = x[k] + reach * nx[k] + margin + 0.5
+                down = y[k] + reach * ny[k] + margin + 0.5
+                if 1.0 <= down < height - 1.0 and 1.0 <= across < width - 1.0:
+                    rows[used], columns[used] = int(down), int(across)
+                    coarse[rows[used] // 4 + 1, columns[used] // 4 + 1] += 1
+                    used += 1
+        need = _MIN_VOTES * 2.0 * np.pi * radii[layer]
+        kept = 0
+        for k in range(used):
+            top, left = (rows[k] + 2) // 4, (columns[k] + 2) // 4
+            near = coarse[top, left] + coarse[top, left + 1]
+            near += coarse[top + 1, left] + coarse[top + 1, left + 1]
+            if near > need:
+                rows[kept], columns[kept] = rows[k], columns[k]
+                kept += 1
+                for row in range(rows[k] - 1, rows[k] + 2):
+                    for column in range(columns[k] - 1, columns[k] + 2):
+                        count[row, column] += 1
+        worth = 1.0 / (2.0 * np.pi * math.sqrt(radii[layer]))
+        for k in range(kept):
+            for row in range(rows[k] - 1, rows[k] + 2):
+                for column in range(columns[k] - 1, columns[k] + 2):
+                    share = np.float32(worth * count[row, column])
+                    if count[row, column] > need and share > best[row, column]:
+                        best[row, column] = share
+                        layer_of[row, column] = layer
+                    count[row, column] = 0
 
 
 @compiled
@@ -366,36 +391,40 @@ def _sharpen_radii(
     """
     count = np.empty(len(radii))
     for place in range(len(peaks)):
-        count[:] = 0.0
+        first = np.searchsorted(radii, peaks[place, 2] - 1.5)
+        stop = np.searchsorted(radii, peaks[place, 2] + 1.5)
+        count[first:stop] = 0.0
+        least = radii[first] - 2.0 * max(0.7, 0.1 * radii[first])
+        most = radii[stop - 1] + 2.0 * max(0.7, 0.1 * radii[stop - 1])
         for k in range(len(x)):
             dx, dy = x[k] - peaks[place, 0], y[k] - peaks[place, 1]
-            rho = math.sqrt(dx * dx + dy * dy)
-            if rho > 1.1 * radii[-1] or abs(dx * nx[k] + dy * ny[k]) < 0.85 * rho:
+            square = dx * dx + dy * dy
+            if square > most * most or square < max(least, 0.0) ** 2:
                 continue
-            for layer in range(len(radii)):
+            rho = math.sqrt(square)
+            if abs(dx * nx[k] + dy * ny[k]) < 0.85 * rho:
+                continue
+            for layer in range(first, stop):
                 off = (rho - radii[layer]) / max(0.7, 0.1 * radii[layer])
                 if abs(off) < 2.0:
                     count[layer] += math.exp(-0.5 * off * off)
-        best, most = 0, -1.0
-        for layer in range(len(radii)):
-            share = count[layer] / math.sqrt(radii[layer])
-            if share > most and abs(radii[layer] - peaks[place, 2]) < 1.5:
-                best, most = layer, share
+        best = first
+        for layer in range(first, stop):
+            if count[layer] / math.sqrt(radii[layer]) > count[best] / math.sqrt(radii[best]):
+                best = layer
         peaks[place, 2] = radii[best]
 
 
-def _peaks(edges: EdgePoints, shape: tuple[int, int], radii: FloatArray, most: int) -> FloatArray:
+def _peaks(
+    edges: EdgePoints, shape: tuple[int, int], radii: FloatArray, most: int, both_sides: bool
+) -> FloatArray:
     """Centres (x, y) and radius of the circles that most edges vote for (n, 3)."""
     margin = int(np.ceil(0.5 * radii.max())) + 1
-    votes = np.zeros((shape[0] + 2 * margin, shape[1] + 2 * margin), dtype=np.float32)
-    best, layer_of = np.zeros_like(votes), np.zeros(votes.shape, dtype=np.uint8)
-    for layer, radius in enumerate(radii.tolist()):
-        _vote(edges.x, edges.y, edges.nx, edges.ny, radius, margin, votes)
-        sums = np.asarray(cv2.boxFilter(votes, -1, (3, 3), normalize=False), dtype=np.float32)
-        _raise_best(sums, layer, best, layer_of)
-    row, column = np.nonzero(best == cv2.dilate(best, np.ones((3, 3), np.uint8)))
-    enough = best[row, column] > _MIN_VOTES * np.sqrt(radii[layer_of[row, column]])
-    row, column = row[enough], column[enough]
+    best = np.zeros((shape[0] + 2 * margin, shape[1] + 2 * margin), dtype=np.float32)
+    layer_of = np.zeros(best.shape, dtype=np.uint8)
+    _vote(edges.x, edges.y, edges.nx, edges.ny, radii, margin, both_sides, best, layer_of)
+    highest = cv2.dilate(best, np.ones((3, 3), np.uint8))
+    row, column = np.divmod(np.flatnonzero((best > 0.0) & (best == highest)), best.shape[1])
     order = np.argsort(-best[row, column], kind="stable")[:most]
     row, column = row[order], column[order]
     peaks = np.column_stack([column - margin, row - margin, radii[layer_of[row, column]]])
@@ -466,7 +495,8 @@ def whole_circles(smooth: FloatImage, known: Backgrounds, radii: FloatArray) -> 
     _changed(smooth, known.pictures, known.noise, changed)
     nx, ny = _gradient(changed)
     noise = np.full(shape, _CHANGE_NOISE, dtype=np.float32)
-    circles = circles_in(_crests(nx * nx + ny * ny, nx, ny, noise), shape, radii)
+    crests = _crests(nx * nx + ny * ny, nx, ny, noise)
+    circles = circles_in(crests, shape, radii, both_sides=False)
     share = np.empty(len(circles))
     _presence(*_gradient(smooth), known.gradients, circles, share)
     return circles[share > _MIN_PRESENCE]
@@ -476,9 +506,9 @@ def _together(edged: FloatArray, whole: FloatArray) -> FloatArray:
     """Circles of edges and of what changed as a whole; parts of a complete whole are left out."""
     complete = whole[whole[:, 3] > _COMPLETE]
     kept = [one for one in edged if not any(_part_of(one, other) for other in complete)]
-    kept += [one for one in whole if not any(same(tuple(one), tuple(other)) for other in kept)]
-    kept.sort(key=lambda one: -one[3] * np.log1p(one[4]) * np.sqrt(one[2]))
-    return np.array(kept[:_PER_FRAME]).reshape(-1, 5)
+    found = np.array([*kept, *whole]).reshape(-1, 5)
+    found = found[distinct(found)]
+    return found[np.argsort(-_clearness(found), kind="stable")][:_PER_FRAME]
 
 
 _COMPLETE = 0.85
@@ -491,20 +521,25 @@ def _part_of(circle: FloatArray, whole: FloatArray) -> bool:
     return bool(gap + circle[2] < 1.1 * whole[2] and circle[2] < 0.75 * whole[2])
 
 
-def circles_in(edges: EdgePoints, shape: tuple[int, int], radii: FloatArray) -> FloatArray:
-    """Circles of a reduced frame: x, y, radius, coverage, sharpness (n, 5), best first."""
+def circles_in(
+    edges: EdgePoints, shape: tuple[int, int], radii: FloatArray, *, both_sides: bool = True
+) -> FloatArray:
+    """Circles of a reduced frame: x, y, radius, coverage, sharpness (n, 5), best first.
+
+    Brighter or darker than what is about them, or brighter only.
+    """
     if len(edges.x) < 8:
         return np.zeros((0, 5))
-    starts = _peaks(edges, shape, radii, 4 * _PER_FRAME)
-    found = fit_to_edges(edges, starts)
-    found = sorted(found, key=lambda one: -one[3] * np.log1p(one[4]) * np.sqrt(one[2]))
-    kept: list[tuple[float, float, float, float, float]] = []
-    for circle in found:
-        if circle[3] >= _MIN_COVERAGE and not any(same(circle, other) for other in kept):
-            kept.append(circle)
-        if len(kept) == _PER_FRAME:
-            break
-    return np.array(kept, dtype=np.float64).reshape(-1, 5)
+    starts = _peaks(edges, shape, radii, 4 * _PER_FRAME, both_sides)
+    found = np.array(fit_to_edges(edges, starts), dtype=np.float64).reshape(-1, 5)
+    found = found[found[:, 3] >= _MIN_COVERAGE]
+    found = found[np.argsort(-_clearness(found), kind="stable")]
+    return found[distinct(found)][:_PER_FRAME]
+
+
+def _clearness(circles: FloatArray) -> FloatArray:
+    """How clear and large circles (n, 5) are (n,)."""
+    return np.asarray(circles[:, 3] * np.log1p(circles[:, 4]) * np.sqrt(circles[:, 2]))
 
 
 _MIN_COVERAGE = 0.45

@@ -13,7 +13,7 @@ objects: errors of neighbouring frames are alike, which the likelihood leaves ou
 import json
 import math
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from importlib import resources
 from itertools import pairwise
 
@@ -117,7 +117,7 @@ class Tracklet:
         """Centres (N, 2), px."""
         return self.seen.centre_px
 
-    @property
+    @cached_property
     def radius(self) -> float:
         """Typical radius, px."""
         return float(np.median(self.seen.radius_px))
@@ -188,19 +188,6 @@ def link(
     return sorted(found, key=lambda one: -one.log_odds)[:_MAX_TRACKLETS]
 
 
-def _turns(place: FloatArray, time: FloatArray, size: float, known: LinkParameters) -> FloatArray:
-    """Log density of the change of velocity at the second of three places (3, N, 2)."""
-    earlier, elapsed = time[1] - time[0], time[2] - time[1]
-    ratio = elapsed / earlier
-    off = place[2] - place[1] - ratio[:, None] * (place[1] - place[0])
-    noise = known.place_px**2 + (known.place_radii * size) ** 2
-    pull = known.change_radii * size * 0.5 * elapsed * (elapsed + earlier)
-    wide = noise * (2.0 + 2.0 * ratio + 2.0 * ratio**2) + pull**2
-    freedom = known.change_freedom
-    odds = -0.5 * (freedom + 2.0) * np.log1p(np.sum(off**2, axis=1) / (wide * freedom))
-    return np.asarray(odds - np.log(2.0 * np.pi * wide))
-
-
 def _parts(one: Tracklet, known: LinkParameters, density: float) -> list[Tracklet]:
     """A chain cut where two objects are more probable than one that leaps.
 
@@ -212,11 +199,14 @@ def _parts(one: Tracklet, known: LinkParameters, density: float) -> list[Trackle
         seen.frame.astype(np.float64),
         seen.centre_px,
         seen.radius_px,
+        seen.colour,
         known.place_px,
         known.place_radii,
         known.change_radii,
         known.change_freedom,
         known.speed_radii,
+        known.log_radius,
+        known.colour,
         known.begins,
         density,
         cut,
@@ -252,11 +242,14 @@ def _leaps(
     frame: FloatArray,
     centre: FloatArray,
     radius: FloatArray,
+    colour: FloatArray,
     place_px: float,
     place_radii: float,
     change: float,
     freedom: float,
     speed: float,
+    log_radius: float,
+    colour_scale: float,
     begins: float,
     density: float,
     cut: NDArray[np.bool_],
@@ -267,14 +260,30 @@ def _leaps(
     for j in range(1, count - 1):
         turn[j] = _turn(frame, centre, radius, j, place_px, place_radii, change, freedom, density)
     for j in range(2, count - 1):
-        size = 0.5 * (radius[j] + radius[j + 1])
-        elapsed = frame[j + 1] - frame[j]
-        dx, dy = centre[j + 1, 0] - centre[j, 0], centre[j + 1, 1] - centre[j, 1]
-        share, reach = place_radii * size, speed * size * elapsed
-        scale = 2.0 * (place_px * place_px + share * share) + reach * reach
-        anew = -1.5 * math.log(1.0 + (dx * dx + dy * dy) / scale)
-        anew += 2.0 * math.log(begins) - math.log(6.2832 * scale * density)
-        cut[j] = anew > turn[j - 1] + turn[j]
+        anew = _begun(frame, centre, radius, j, place_px, place_radii, speed, begins, density)
+        alike = _alike(radius, colour, j - 1, j, log_radius, colour_scale)
+        cut[j] = anew > turn[j - 1] + turn[j] + alike
+
+
+@compiled
+def _begun(
+    frame: FloatArray,
+    centre: FloatArray,
+    radius: FloatArray,
+    j: int,
+    place_px: float,
+    place_radii: float,
+    speed: float,
+    begins: float,
+    density: float,
+) -> float:
+    """Log odds that one chain ends before a row, and another begins there with its first step."""
+    size = 0.5 * (radius[j] + radius[j + 1])
+    dx, dy = centre[j + 1, 0] - centre[j, 0], centre[j + 1, 1] - centre[j, 1]
+    share, reach = place_radii * size, speed * size * (frame[j + 1] - frame[j])
+    scale = 2.0 * (place_px * place_px + share * share) + reach * reach
+    anew = -1.5 * math.log(1.0 + (dx * dx + dy * dy) / scale)
+    return float(anew + 2.0 * math.log(begins) - math.log(6.2832 * scale * density))
 
 
 @compiled
@@ -305,59 +314,105 @@ def _turn(
 
 def _joined(found: list[Tracklet], known: LinkParameters, density: float) -> list[Tracklet]:
     """Join heads to tails as long as one object is more probable than two."""
-    chains = dict(enumerate(sorted(found, key=lambda one: int(one.frame[0]))))
-    gains: dict[tuple[int, int], float] = {}
-
-    def weigh(head: int, tail: int) -> None:
-        if chains[tail].frame[0] > chains[head].frame[-1]:
-            gains[head, tail] = _join_gain(chains[head], chains[tail], known, density)
-
-    for head in chains:
-        for tail in chains:
-            weigh(head, tail)
-    while gains:
-        best = max(gains, key=lambda pair: gains[pair])
-        if gains[best] <= 0.0:
-            break
-        whole = chains.pop(best[0]).then(chains.pop(best[1]))
-        whole = Tracklet(whole.seen, whole.log_odds + gains[best])
-        gains = {pair: gain for pair, gain in gains.items() if not {*pair} & {*best}}
-        new = max((*chains, *best)) + 1
-        chains[new] = whole
-        for other in list(chains):
-            weigh(other, new)
-            weigh(new, other)
-    return list(chains.values())
+    chains = sorted(found, key=lambda one: int(one.frame[0]))
+    ends = np.array([_ends(one) for one in chains]).reshape(-1, 16)
+    gains = np.full((len(chains), len(chains)), -np.inf)
+    weights = np.array([getattr(known, name) for name in _JOIN_WEIGHTS])
+    every = np.arange(len(chains))
+    _weigh(ends, every, every, weights, density, gains)
+    while len(chains) and gains.max() > 0.0:
+        head, tail = (int(place) for place in np.unravel_index(gains.argmax(), gains.shape))
+        whole = chains[head].then(chains[tail])
+        chains[head] = Tracklet(whole.seen, whole.log_odds + float(gains[head, tail]))
+        ends[head] = _ends(chains[head])
+        every = every[every != tail]
+        gains[[head, tail]] = gains[:, [head, tail]] = -np.inf
+        new = np.array([head])
+        _weigh(ends, new, every, weights, density, gains)
+        _weigh(ends, every, new, weights, density, gains)
+    return [chains[place] for place in every]
 
 
-def _join_gain(one: Tracklet, other: Tracklet, known: LinkParameters, density: float) -> float:
-    """Log odds of one object, seen on both sides of a gap, against two."""
-    before, after = min(len(one) - 1, 3), min(len(other) - 1, 3)
-    place = np.stack(
-        [one.centre_px[-1 - before], one.centre_px[-1], other.centre_px[0], other.centre_px[after]]
-    )
-    time = np.array(
-        [one.frame[-1 - before], one.frame[-1], other.frame[0], other.frame[after]],
-        dtype=np.float64,
-    )
-    size = 0.5 * (one.radius + other.radius)
-    step = place[3] - place[2]
-    noise = known.place_px**2 + (known.place_radii * size) ** 2
-    scale = 2.0 * noise + (known.speed_radii * size * (time[3] - time[2])) ** 2
-    anew = -1.5 * math.log1p(float(step @ step) / scale) - math.log(6.2832 * scale * density)
-    speed = np.hypot(*(place[1::2] - place[::2]).T) / np.maximum(time[1::2] - time[::2], 1.0)
-    if np.hypot(*(place[2] - place[1])) > float(speed.max()) * (time[2] - time[1]) + size:
+_JOIN_WEIGHTS = (
+    *("place_px", "place_radii", "change_radii", "change_freedom", "speed_radii", "begins"),
+    *("log_radius", "colour", "missed", "stays_missed"),
+)
+
+
+def _ends(one: Tracklet) -> FloatArray:
+    """Frame, x and y of two rows at its end and of two at its start, radius and colour (16,)."""
+    reach = min(len(one) - 1, 3)
+    rows = np.array([-1 - reach, -1, 0, reach])
+    places = np.column_stack([one.frame[rows], one.centre_px[rows]])
+    colour = np.median(one.seen.colour, axis=0)
+    return np.concatenate([places.ravel(), [one.radius], colour])
+
+
+@compiled
+def _weigh(
+    ends: FloatArray,
+    heads: IntArray,
+    tails: IntArray,
+    weights: FloatArray,
+    density: float,
+    gains: FloatArray,
+) -> None:
+    """Write the log odds of one object, seen on both sides of a gap, against two."""
+    place_px, place_radii, change, freedom, speed, begins = weights[:6]
+    log_radius, colour, missed, stays_missed = weights[6:]
+    frame, centre, radius = np.empty(4), np.empty((4, 2)), np.empty(4)
+    for head in heads:
+        for tail in tails:
+            if ends[tail, 6] <= ends[head, 3]:
+                continue
+            for row in range(4):
+                source = ends[head] if row < 2 else ends[tail]
+                frame[row] = source[3 * row]
+                centre[row, 0], centre[row, 1] = source[3 * row + 1], source[3 * row + 2]
+            radius[:] = 0.5 * (ends[head, 12] + ends[tail, 12])
+            motion = _gap_odds(
+                *(frame, centre, radius, place_px, place_radii),
+                *(change, freedom, speed, begins, density),
+            )
+            ratio = math.log(ends[head, 12] / ends[tail, 12]) / log_radius
+            off = 0.0
+            for channel in range(13, 16):
+                off += (ends[head, channel] - ends[tail, channel]) ** 2
+            looks = -0.5 * ratio * ratio - 2.0 * math.log(1.0 + off / (colour * colour))
+            gap = frame[2] - frame[1]
+            if gap > 1.0:
+                looks += math.log(missed) + (gap - 1.0) * math.log(stays_missed)
+            gains[head, tail] = motion + looks
+
+
+@compiled
+def _gap_odds(
+    frame: FloatArray,
+    centre: FloatArray,
+    radius: FloatArray,
+    place_px: float,
+    place_radii: float,
+    change: float,
+    freedom: float,
+    speed: float,
+    begins: float,
+    density: float,
+) -> float:
+    """Log odds by motion that the last two of four rows go on from the first two."""
+    fastest = 0.0
+    for row in range(0, 4, 2):
+        dx, dy = centre[row + 1, 0] - centre[row, 0], centre[row + 1, 1] - centre[row, 1]
+        fastest = max(fastest, math.sqrt(dx * dx + dy * dy) / max(frame[row + 1] - frame[row], 1.0))
+    gx, gy = centre[2, 0] - centre[1, 0], centre[2, 1] - centre[1, 1]
+    if math.sqrt(gx * gx + gy * gy) > fastest * (frame[2] - frame[1]) + radius[0]:
         return -math.inf
-    three = np.stack([place[:2], place[1:3], place[2:]])
-    when = np.stack([time[:2], time[1:3], time[2:]])
-    turns = float(_turns(three, when, size, known).sum()) - 2.0 * math.log(density)
-    ratio = math.log(one.radius / other.radius) / known.log_radius
-    change = np.median(one.seen.colour, axis=0) - np.median(other.seen.colour, axis=0)
-    looks = -0.5 * ratio**2 - 2.0 * math.log1p(float(change @ change) / known.colour**2)
-    elapsed = time[2] - time[1]
-    missed = math.log(known.missed) + (elapsed - 1.0) * math.log(known.stays_missed)
-    gain = turns - anew + looks - 2.0 * math.log(known.begins)
-    return float(gain + missed * (elapsed > 1.0))
+    anew = _begun(frame, centre, radius, 2, place_px, place_radii, speed, begins, density)
+    first = _turn(frame, centre, radius, 1, place_px, place_radii, change, freedom, density)
+    return (
+        first
+        + _turn(frame, centre, radius, 2, place_px, place_radii, change, freedom, density)
+        - anew
+    )
 
 
 def _explained(seen: Detections, rows: IntArray) -> NDArray[np.bool_]:
@@ -441,26 +496,41 @@ def _linked(
             if place < 0:
                 break
             for other in range(bounds[place], bounds[place + 1]):
-                ratio = math.log(radius[row] / radius[other]) / log_radius
-                if abs(ratio) > 4.0:
+                if abs(math.log(radius[row] / radius[other])) > 4.0 * log_radius:
                     continue
                 dx, dy = centre[row, 0] - centre[other, 0], centre[row, 1] - centre[other, 1]
                 elapsed = frame[row] - frame[other]
                 size = 0.5 * (radius[row] + radius[other])
                 if dx * dx + dy * dy > (60.0 * speed * elapsed + 4.0) ** 2 * size * size:
                     continue
-                off = 0.0
-                for channel in range(3):
-                    off += (colour[row, channel] - colour[other, channel]) ** 2
-                # radii of false detections spread over three octaves, colours over a cube
-                worth = -0.5 * ratio * ratio - math.log(log_radius * 2.5066 / 2.0)
-                worth += -2.0 * math.log(1.0 + off / (colour_scale * colour_scale))
-                worth += 3.0 * math.log(40.0 / (colour_scale + 10.0))
-                worth += (gap - 1) * math.log(missed)
-                early[count], late[count], odds[count] = other, row, worth
+                alike = _alike(radius, colour, other, row, log_radius, colour_scale)
+                odds[count] = alike + (gap - 1) * math.log(missed)
+                early[count], late[count] = other, row
                 count += 1
     start[len(step)] = count
     return count
+
+
+@compiled
+def _alike(
+    radius: FloatArray,
+    colour: FloatArray,
+    one: int,
+    other: int,
+    log_radius: float,
+    colour_scale: float,
+) -> float:
+    """Log odds by their looks that two detections are of one object.
+
+    Radii of false detections spread over three octaves, colours over a cube.
+    """
+    ratio = math.log(radius[other] / radius[one]) / log_radius
+    off = 0.0
+    for channel in range(3):
+        off += (colour[other, channel] - colour[one, channel]) ** 2
+    odds = -0.5 * ratio * ratio - math.log(log_radius * 2.5066 / 2.0)
+    odds += -2.0 * math.log(1.0 + off / (colour_scale * colour_scale))
+    return odds + 3.0 * math.log(40.0 / (colour_scale + 10.0))
 
 
 @compiled

@@ -38,6 +38,7 @@ FEATURES = (
     "contrast",
     "rest",
     "met",
+    "shadow",
 )
 """Features of a tracklet, in the order of the weights."""
 
@@ -154,6 +155,7 @@ def tracklet_features(
                 np.log(1.0 + float(np.median(np.abs(seen.contrast).max(axis=1)))),
                 _rest_share(one),
                 _met(one, tracklets),
+                float(np.mean(seen.dims_evenly)),
             ]
         )
     return np.array(rows, dtype=np.float64).reshape(-1, len(FEATURES))
