@@ -1,5 +1,7 @@
 """Objects painted with known places are detected, linked and selected."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -141,6 +143,29 @@ def test_the_ball_is_selected_before_its_shadow() -> None:
     best: Tracklet = found[int(chosen.order[0])]
     assert np.median(np.hypot(*(best.centre_px - places[best.frame]).T)) < 1.5
     assert chosen.probability.sum() + chosen.none == pytest.approx(1.0)
+
+
+def test_what_dims_the_scene_evenly_is_selected_less_than_its_twin() -> None:
+    frames = list(range(60))
+    ball = _detections(frames, _way(60), 9.0)
+    shade = replace(
+        _detections(frames, _way(60) + 45.0, 9.0), light=np.full(60, 0.6), evenness=np.ones(60)
+    )
+    found = [Tracklet(ball, 500.0), Tracklet(shade, 500.0)]
+    chosen = select(found, 60, (HEIGHT, WIDTH))
+    assert chosen.probability[0] > 3.0 * chosen.probability[1]
+
+
+@pytest.mark.parametrize("same", [True, False])
+def test_a_chain_goes_on_where_its_looks_do(same: bool) -> None:
+    time = np.arange(30.0)
+    early = _detections(list(range(30)), np.column_stack([60.0 + 2.0 * time, 90.0 + 0 * time]), 9.0)
+    away = np.column_stack([122.0 + 0 * time, 90.0 - 4.0 * time])
+    onward = _detections(list(range(30, 60)), away, 9.0 if same else 12.0)
+    if not same:
+        onward = replace(onward, colour=np.full((30, 3), 230.0))
+    found = link(early.then(onward), np.arange(60), (HEIGHT, WIDTH))
+    assert (len(found) == 1) is same
 
 
 def test_of_two_alike_bodies_that_collide_the_one_at_rest_is_selected() -> None:
