@@ -540,9 +540,9 @@ twenty other tracklets."""
 
 
 def _an_object(found: FoundObjects, other: Tracklet) -> bool:
-    """Whether a tracklet would surely be selected if it were alone."""
+    """Whether a tracklet would surely be selected if it were alone, and is no shadow."""
     place = next(k for k, one in enumerate(found.tracklets) if one is other)
-    return bool(found.selection.alone[place] > _OTHER_OBJECT)
+    return bool(found.selection.alone[place] > _OTHER_OBJECT and not _maybe_shadow(other))
 
 
 def _maybe_shadow(tracklet: Tracklet) -> bool:
