@@ -182,6 +182,18 @@ def _raw(pictures: list[Gray], folder: Path) -> Path:
     return place
 
 
+def _ramp(factor: int) -> Callable[[list[Gray], Path], Path]:
+    """A clip whose middle is slower than its ends by a factor, as telephones export it."""
+
+    def make(pictures: list[Gray], folder: Path) -> Path:
+        first, last = len(pictures) // 5, 3 * len(pictures) // 5
+        normal = range(0, len(pictures), factor)
+        kept = sorted({*range(first, last), *(k for k in normal if not first <= k < last)})
+        return _written([pictures[number] for number in kept], folder / "ramp.mkv")
+
+    return make
+
+
 def _two_quotes(_: Path) -> None:
     read_sheet(_inputs() / "explain_trials_two_quotes.csv", {})
 
@@ -216,7 +228,7 @@ CASES = (
     Case(
         "--ball 246mm",
         _clip(lambda p, d: _inputs() / "base_strike.mkv", fps="600", ball="246mm"),
-        "--ball 1",
+        "instead of 246 mm",
     ),
     Case(
         "images with holes",
@@ -232,6 +244,10 @@ CASES = (
     *(
         Case(f"{count} pictures lost", _clip(_lost(count), fps="600"), "frames are missing")
         for count in (3, 6, 10)
+    ),
+    *(
+        Case(f"middle slower {factor} times", _clip(_ramp(factor), fps="600"), "in slow motion")
+        for factor in (4, 8)
     ),
     Case("animated WebP", _clip(_webp, fps="600")),
     Case("raw Bayer TIFF", _clip(_raw, fps="600")),

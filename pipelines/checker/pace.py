@@ -4,7 +4,6 @@ At the ends of slow motion the speed jumps along the path, by one factor and bac
 acts. A strike or a bounce changes the direction, or acts once and leaves the fall as it is.
 """
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,8 +15,8 @@ __all__ = ["SlowPart", "find_slow_part", "repeats_of"]
 
 FloatArray = NDArray[np.float64]
 
-_STEPS = 4
-"""Steps on each side of a jump (chosen: two determine a line, two test it)."""
+_STEPS = (8, 4)
+"""Steps on each side of a jump (chosen: many for noisy steps, few for a short part)."""
 
 _MIN_FACTOR = 1.8
 """Slow motion (convention: factors are 2, 4, 8, …; less may be friction)."""
@@ -28,8 +27,8 @@ _MAX_TURN = 0.1
 _MAX_MISMATCH = 0.25
 """Relative difference of factors that are one (chosen: they are found to some percent)."""
 
-_MIN_SIGMAS = 6.0
-"""Jump of speed over its standard uncertainty (chosen)."""
+_MIN_SIGMAS, _MIN_SPEED_SIGMAS = 6.0, 3.0
+"""Jump of speed, and slower speed, over their standard uncertainties (chosen)."""
 
 _MIN_RUNS, _MIN_EQUAL = 8, 0.9
 """Runs of equal rows that show a repetition, and the fraction that has one length (chosen)."""
@@ -75,10 +74,16 @@ def find_slow_part(time: FloatArray, place: FloatArray) -> SlowPart | None:
         Increasing.
     place : (N, 2) array
     """
-    if len(time) < 4 * _STEPS:
-        return None
-    jumps = _jumps(time, place)
-    for (first, slower), (last, faster) in itertools.pairwise(jumps):
+    return next(
+        (one for steps in _STEPS if (one := _slow_part(time, place, steps)) is not None), None
+    )
+
+
+def _slow_part(time: FloatArray, place: FloatArray, steps: int) -> SlowPart | None:
+    jumps = _jumps(time, place, steps)
+    # more of them are a jerky motion
+    if len(jumps) == 2:
+        (first, slower), (last, faster) = jumps
         if slower < 1.0 < faster and abs(np.log(slower * faster)) < _MAX_MISMATCH:
             return SlowPart(first, last, float(np.sqrt(faster / slower)))
     for row, factor in jumps:
@@ -98,17 +103,20 @@ def _falls_alike(time: FloatArray, place: FloatArray, row: int, factor: float) -
     return bool(abs(np.log(ratio) - 2.0 * np.log(factor)) < 2.0 * _MAX_MISMATCH)
 
 
-def _jumps(time: FloatArray, place: FloatArray) -> list[tuple[int, float]]:
-    """Rows at which the speed jumps along the path, with its factor; the clearest of neighbours."""
+def _jumps(time: FloatArray, place: FloatArray, steps: int) -> list[tuple[int, float]]:
+    """Rows at which the speed jumps along the path, with its factor; the clearest of neighbours.
+
+    The step at the jump is not used: part of it may have either speed.
+    """
     velocity = np.diff(place, axis=0) / np.diff(time)[:, None]
     found: list[tuple[int, float, float]] = []
-    for row in range(_STEPS, len(velocity) - _STEPS + 1):
-        before, noise = _at_end(velocity[row - _STEPS : row][::-1])
-        after, more = _at_end(velocity[row : row + _STEPS])
+    for row in range(steps, len(velocity) - steps):
+        before, noise = _at_end(velocity[row - steps : row][::-1])
+        after, more = _at_end(velocity[row + 1 : row + 1 + steps])
         speeds = float(np.hypot(*before)), float(np.hypot(*after))
         slow, fast = sorted(speeds)
         std = float(np.hypot(noise, more))
-        if slow <= _MIN_SIGMAS * min(noise, more) or fast < _MIN_FACTOR * slow:
+        if slow <= _MIN_SPEED_SIGMAS * min(noise, more) or fast < _MIN_FACTOR * slow:
             continue
         turn = np.arccos(np.clip(before @ after / (slow * fast), -1.0, 1.0))
         turn -= 2.0 * np.hypot(noise / speeds[0], more / speeds[1])
@@ -116,7 +124,7 @@ def _jumps(time: FloatArray, place: FloatArray) -> list[tuple[int, float]]:
             found.append((row, speeds[1] / speeds[0], (fast - slow) / std))
     kept: list[tuple[int, float, float]] = []
     for jump in found:
-        if kept and jump[0] - kept[-1][0] <= _STEPS:
+        if kept and jump[0] - kept[-1][0] <= steps:
             kept[-1] = max(kept[-1], jump, key=lambda one: one[2])
         else:
             kept.append(jump)
