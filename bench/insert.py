@@ -68,6 +68,7 @@ def values() -> dict[str, Callable[[], str]]:
         for name, entry in record["quantities"].items():
             _add(known, f"lessons.{lesson}.{name}", entry)
     known |= _evidence(read_results("evidence.json"))
+    known["kills"] = lambda: _kills_text(read_results("kills.json"))
     known["cost.table"] = lambda: _cost_table(read_results("cost.json"))
     names = read_results("acceptance.json")
     worlds = {**names["worlds"], "all": names["all"]}
@@ -85,6 +86,17 @@ def _cost_table(found: Record) -> str:
         for name, one in found.items()
     ]
     return _table(("campaign", "processor time", "memory", "named (probability)"), rows)
+
+
+def _kills_text(found: Record) -> str:
+    total = {key: sum(one[key] for one in found.values()) for key in next(iter(found.values()))}
+    resumed = total["resumed"] + total["not_resumed"]
+    again = f", {total['resumed']} of {resumed} resumed" if resumed else ""
+    return (
+        f"{len(found)} commands, {total['killed']} kills: {total['outputs']} outputs,"
+        f" {total['incomplete']} incomplete; {total['inputs_damaged']} inputs damaged;"
+        f" {total['orphans']} processes left after 5 s{again}"
+    )
 
 
 def _acceptance_table(found: Record, head: tuple[str, str]) -> str:

@@ -119,6 +119,9 @@ _NONE_FITS = 0.95
 _LAW_SPEEDS = 9
 """Number of speeds in `cor_at`, evenly across the range; the levels' speeds are added."""
 
+MAX_STRIKES = 20_000
+"""Rows of a table of strikes (chosen): a machine that strikes all day makes as many."""
+
 _MAX_LEVEL_SPEEDS = 50
 """Maximum number of levels listed in `cor_at`."""
 
@@ -392,6 +395,11 @@ def law(
     if not isinstance(table, pd.DataFrame):
         name = Path(table).name
         table = read_table(Path(table), "a table of strikes", notes)
+    if len(table) > MAX_STRIKES:
+        raise UsageError(
+            f"{name} has {len(table):,} rows; a law is fitted to at most {MAX_STRIKES:,}",
+            hint="Give one row per strike, not per frame; or average the repeats of each level.",
+        )
     known = setup_from(setup)
     reader = _Reader(table, known, name, speeds_from)
     balls = {ball: _fitted(ball, *read) for ball, read in reader.balls().items()}

@@ -7,6 +7,7 @@ Each input that fails is written to bench/hostile/kept, whose cases the tests re
 """
 
 import argparse
+import json
 import sys
 import time
 from collections import Counter
@@ -99,6 +100,7 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="+", choices=[kind.name for kind in Kind])
     parser.add_argument("--jobs", type=int, default=1, help="processes, each with its own seeds")
     parser.add_argument("--keep", type=Path, default=Path(__file__).with_name("kept"))
+    parser.add_argument("--json", type=Path, help="store the counts, for the docs")
     parser.add_argument("--replay", action="store_true", help="run only the kept cases")
     asked = parser.parse_args()
     load_commands()
@@ -107,6 +109,13 @@ def main() -> None:
     kinds = tuple(Kind[name] for name in asked.kinds or [kind.name for kind in STRATEGIES])
     found = on_cores(asked.jobs, asked.seconds, kinds, asked.keep, asked.seed)
     print("\n".join(table(found)))
+    if asked.json is not None:
+        inputs: Counter[str] = Counter()
+        for (kind, _), number in found.codes.items():
+            inputs[kind.value] += number
+        faults = {fault.value: number for fault, number in found.faults.items()}
+        text = json.dumps({"inputs": inputs, "faults": faults}, indent=1)
+        asked.json.write_text(text + "\n", encoding="utf-8")
     sys.exit(min(found.faults.total(), 1))
 
 

@@ -261,3 +261,10 @@ def test_likely_mistakes_are_named_first(text: str, said: str, tmp_path: Path) -
     with pytest.raises(ImpactVisionError) as refused:
         iv.law(path)
     assert said in refused.value.message
+
+
+@pytest.mark.timeout(20)
+def test_a_table_of_a_million_rows_is_refused_at_once() -> None:
+    table = pd.DataFrame({"impact_speed_m_s": np.linspace(1, 5, 10**6), "e": 0.7})
+    with pytest.raises(UsageError, match="1,000,000 rows"):
+        iv.law(table)
