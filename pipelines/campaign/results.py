@@ -212,6 +212,9 @@ def _with_known_columns(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, 
     notes: list[str] = []
     renamed: dict[str, str] = {}
     for name in map(str, table.columns):
+        if name in _RESERVED:
+            # of the results' own: kept under another name
+            continue
         bare, suffix = _bare_name(name)
         if bare in _WORD_COLUMNS and not suffix:
             renamed[name] = _WORD_COLUMNS[bare]
@@ -238,7 +241,8 @@ def _with_known_columns(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, 
     clash = [new for new in given if given.count(new) > 1]
     if clash:
         raise UsageError(f"{path} has two columns for {clash[0]}", hint="Remove one of them.")
-    unused = [name for name in map(str, table.columns) if name not in renamed]
+    known = {*renamed, *_RESERVED}
+    unused = [name for name in map(str, table.columns) if name not in known]
     return table.rename(columns=renamed), (*notes, *_unused_notes(unused))
 
 

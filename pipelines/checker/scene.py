@@ -51,9 +51,9 @@ _USUAL = {
 }
 """Usual values, 1/s and m."""
 
-_SIGMAS, _USUAL_RELATIVE = 2.5, 0.03
-"""Standard deviations, and relative difference or half a standard deviation, within which a usual
-value is proposed (chosen)."""
+_SIGMAS, _USUAL_RELATIVE = 3.0, 0.05
+"""Standard deviations (convention), and relative difference or half a standard deviation, within
+which a usual value is proposed (derived: a quarter of the way between usual pitches)."""
 
 _MIN_ROWS = 10
 """Rows of a flight that is used (chosen)."""

@@ -39,7 +39,14 @@ from pipelines.explain.clips import (
     within_calibration,
 )
 from pipelines.explain.own_effects import check_effect, effect_limits, load_effects
-from pipelines.explain.tabular import Sheet, TableLike, name_of, numbers_of, read_sheet
+from pipelines.explain.tabular import (
+    NoTableError,
+    Sheet,
+    TableLike,
+    name_of,
+    numbers_of,
+    read_sheet,
+)
 from pipelines.interop.tables import made_elsewhere, read_samples
 from pipelines.setup.file import BallSetup, Setup, load_setup
 
@@ -245,6 +252,8 @@ def _foreign(path: Path, said: Mapping[str, str]) -> tuple[TableLike, tuple[str,
     columns: set[str] = set()
     try:
         columns = set(read_sheet(path, SAMPLE_UNITS, rows=1).table.columns)
+    except NoTableError:
+        raise
     except UsageError:
         if not path.is_file():
             return path, ()

@@ -18,7 +18,7 @@ from metrology import UsageError
 from physics.domain import FloatArray
 from pipelines.interop.sheets import refuse_sideways
 
-__all__ = ["Sheet", "TableLike", "name_of", "numbers_of", "read_sheet"]
+__all__ = ["NoTableError", "Sheet", "TableLike", "name_of", "numbers_of", "read_sheet"]
 
 TableLike = Path | pd.DataFrame
 
@@ -54,6 +54,10 @@ THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 NAMED_CELLS = 3
 """Cells without a number listed in a note (chosen)."""
+
+
+class NoTableError(UsageError):
+    """A file that no reader can take for a table: it is not text, or its columns are ambiguous."""
 
 
 @dataclass(frozen=True)
@@ -339,7 +343,7 @@ def _head(path: Path) -> tuple[str, str]:
         encoding = "cp1252"
         text = raw.decode(encoding, errors="replace")
     if "\x00" in text or not all(c.isprintable() or c in "\r\n\t" for c in text[:2000]):
-        raise UsageError(
+        raise NoTableError(
             f"can't read {path}: it is not text", hint="Pass a CSV file with a header line."
         )
     return text, encoding
@@ -393,7 +397,7 @@ def _refuse_open_quotes(path: Path) -> None:
 def _refuse_doubles(names: Sequence[str], what: str) -> None:
     again = sorted({name for name in names if name and list(names).count(name) > 1})
     if again:
-        raise UsageError(
+        raise NoTableError(
             f"{what} has two columns called {again[0]}", hint="Remove or rename one of them."
         )
 
