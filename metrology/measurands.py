@@ -333,9 +333,24 @@ def read_number(typed: str | float, what: Measurand, place: str = "") -> float:
         If it is out of range.
     """
     try:
-        return what.require(parse_quantity(typed, what.unit), typed)
+        value = what.require(parse_quantity(typed, what.unit), typed)
+        _refuse_bare_angle(typed, what)
     except UsageError as problem:
         raise _at(place, problem) from problem
+    return value
+
+
+def _refuse_bare_angle(typed: str | float, what: Measurand) -> None:
+    if what.unit != "rad":
+        return
+    try:
+        bare = float(typed)
+    except ValueError:
+        return
+    if bare:
+        raise DomainError(
+            f"{typed!r} states neither degrees nor radians", hint=f"Write '{bare:g} deg'."
+        )
 
 
 def read_given(typed: str | float, what: Measurand, place: str = "") -> Given:
@@ -358,6 +373,7 @@ def read_given(typed: str | float, what: Measurand, place: str = "") -> Given:
     try:
         value, std = parse_measured(typed, what.unit)
         what.require(value, typed)
+        _refuse_bare_angle(typed, what)
     except UsageError as problem:
         raise _at(place, problem) from problem
     if std == 0.0:

@@ -169,7 +169,7 @@ def choose_cor(ball: bodies.Ball, option: str) -> tuple[CorLaw, bool]:
 def angle_of(text: str, place: str = "--backswing") -> float:
     """An angle in rad; a bare number is in degrees. `place` is its name in messages."""
     try:
-        typed: str | float = math.radians(float(text))
+        typed = f"{float(text)!r} deg"
     except ValueError:
         typed = text
     return read_number(typed, measurands.BACKSWING, place)

@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,15 +155,22 @@ class Measurement:
 
         return pd.DataFrame([without_formulas(measurement_as_row(self.record))])
 
-    def ufloat(self, name: str) -> "AffineScalarFunc":
-        """A quantity of the package `uncertainties`, with its covariances.
+    @overload
+    def ufloat(self, name: str, /) -> "AffineScalarFunc": ...
+
+    @overload
+    def ufloat(self, *names: str) -> "tuple[AffineScalarFunc, ...]": ...
+
+    def ufloat(self, *names: str) -> "AffineScalarFunc | tuple[AffineScalarFunc, ...]":
+        """One or several quantities of the package `uncertainties`, with their covariances.
 
         All quantities of a measurement are correlated as their common sources demand:
-        ``m.ufloat("ball_speed") / m.ufloat("pendulum_speed_before")`` has the right uncertainty.
+        ``speed, before = m.ufloat("ball_speed", "pendulum_speed_before")``; ``speed / before`` has
+        the right uncertainty.
 
         Parameters
         ----------
-        name : str
+        *names : str
 
         Raises
         ------
@@ -172,15 +179,16 @@ class Measurement:
         UsageError
             For an unknown name.
         """
-        if name not in self.quantities:
-            raise UsageError(
-                f"a measurement has no {name!r}", hint=f"It has {', '.join(self.quantities)}."
-            )
-        view = self.quantities[name]
-        float(view)
+        for name in names:
+            if name not in self.quantities:
+                raise UsageError(
+                    f"a measurement has no {name!r}", hint=f"It has {', '.join(self.quantities)}."
+                )
+            float(self.quantities[name])
         if self._correlated is None:
             self._correlated = correlated(self.quantities, self.record.joint)
-        return self._correlated[view.name]
+        found = tuple(self._correlated[self.quantities[name].name] for name in names)
+        return found[0] if len(found) == 1 else found
 
     @worded_for_python
     def explain(self, *, setup: SetupLike = None, **options: Any) -> "Verdict":

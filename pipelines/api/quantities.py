@@ -5,7 +5,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from metrology import (
     Contribution,
@@ -130,6 +130,18 @@ class QuantityView:
     def __sub__(self, number: float) -> "QuantityView":
         return self + -_plain_number(number)
 
+    def __rsub__(self, number: float) -> "QuantityView":
+        return -self + number
+
+    def _no_power(self, other: object) -> NoReturn:
+        raise UsageError(
+            f"a power or a reciprocal of {self.name} is another quantity, with another unit",
+            hint=f'Compute with m.ufloat("{self.name}"), which keeps the uncertainty, or with'
+            " float(…), which drops it.",
+        )
+
+    __rtruediv__ = __pow__ = __rpow__ = _no_power
+
     def __abs__(self) -> "QuantityView":
         return self._scaled(math.copysign(1.0, float(self)))
 
@@ -141,6 +153,12 @@ class QuantityView:
 
     def __gt__(self, other: "float | QuantityView") -> bool:
         return float(self) > float(other)
+
+    def __le__(self, other: "float | QuantityView") -> bool:
+        return float(self) <= float(other)
+
+    def __ge__(self, other: "float | QuantityView") -> bool:
+        return float(self) >= float(other)
 
     def _scaled(self, factor: float) -> "QuantityView":
         std = None if self.std is None else abs(factor) * self.std

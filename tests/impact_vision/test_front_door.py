@@ -147,6 +147,8 @@ def test_quantities_are_correlated_as_their_sources_are(measured: iv.Measurement
     independent = math.hypot(speed.s, after.s, e.n * before.s) / before.n
     assert e.n == pytest.approx(measured.cor_speeds.value, abs=0.03)
     assert not math.isclose(e.s, independent, rel_tol=0.01)
+    together = measured.ufloat("ball_speed", "pendulum_speed_after", "pendulum_speed_before")
+    assert together == (speed, after, before)
     assert (measured.ufloat("cor") - measured.ufloat("cor")).s == 0.0
     cor, estimate = measured.ufloat("cor"), measured.ufloat("cor_speeds")
     assert (cor - estimate).s < math.hypot(cor.s, estimate.s)

@@ -33,10 +33,14 @@ def test_a_quantity_is_used_like_a_number() -> None:
         (speed + 1, 5.0, 0.1),
         (1 + speed, 5.0, 0.1),
         (speed - 1, 3.0, 0.1),
+        (1 - speed, -3.0, 0.1),
     ):
         assert (other.value, other.std) == pytest.approx((value, std))
     with pytest.raises(UsageError, match="correlated"):
         speed * speed  # type: ignore[operator]
+    for other_kind in (lambda: 1 / speed, lambda: speed**2, lambda: 2**speed):
+        with pytest.raises(UsageError, match="ufloat"):
+            other_kind()
     with pytest.raises(MeasurementError, match="hidden"):
         2 * iv.QuantityView("ball_speed", None, None, "m/s", "it is hidden")
 
@@ -113,5 +117,6 @@ def test_a_campaign_in_python_has_the_folder_and_refusals_of_the_command(tmp_pat
 def test_quantities_are_compared_and_rounded_as_numbers() -> None:
     speed = Quantities([Quantity.measured("ball_speed", -5.126, "m/s", [])])["ball_speed"]
     assert speed < -5.0
+    assert speed <= -5.126 <= speed
     assert abs(speed) > 5.0
     assert round(speed, 1) == -5.1

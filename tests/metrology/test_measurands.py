@@ -34,6 +34,15 @@ def test_every_kind_accepts_its_example_and_limits_and_nothing_beyond(kind: Meas
     assert kind.why in str(why.value)
 
 
+def test_an_angle_needs_its_unit() -> None:
+    for read in (read_number, read_given):
+        for bare in (0.15, "0.15"):
+            with pytest.raises(DomainError, match="neither degrees nor radians"):
+                read(bare, measurands.LAUNCH_ANGLE)
+    assert read_number("0", measurands.LAUNCH_ANGLE) == 0.0
+    assert read_number("0.15 rad", measurands.LAUNCH_ANGLE) == 0.15
+
+
 @pytest.mark.parametrize(
     ("typed", "unit", "value", "std"),
     [
