@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 from metrology import Defaults
 
-__all__ = ["Fall", "TableUnits", "find_fall", "units_by_fall"]
+__all__ = ["MIN_FALL_ROWS", "Fall", "TableUnits", "find_fall", "fit_fall", "units_by_fall"]
 
 FloatArray = NDArray[np.float64]
 
 _FRACTIONS = (1.0, 0.85, 0.7, 0.6, 0.5, 0.4, 0.32, 0.25, 0.2, 0.15, 0.1)
 """Lengths of the windows tried, fractions of the track (chosen: steps of a fifth)."""
 
-_MIN_ROWS = 10
+MIN_FALL_ROWS = 10
 """Rows of a window (chosen: seven more than a parabola has parameters)."""
 
 _MAX_NOISE_RATIO = 1.6
@@ -62,7 +62,7 @@ def find_fall(time: FloatArray, place: FloatArray) -> Fall | None:
     noise = _noise(place)
     count = len(time)
     for length in sorted(
-        {max(_MIN_ROWS, round(part * count)) for part in _FRACTIONS}, reverse=True
+        {max(MIN_FALL_ROWS, round(part * count)) for part in _FRACTIONS}, reverse=True
     ):
         found = [
             fall
@@ -87,22 +87,32 @@ def _parabola(
     time: FloatArray, place: FloatArray, first: int, end: int, noise: FloatArray
 ) -> Fall | None:
     t = time[first:end]
-    half = 0.5 * float(t[-1] - t[0])
-    if not half > 0.0:
+    if not t[-1] > t[0]:
         return None
+    found, rms = _fitted(t, place[first:end], noise)
+    if np.any(rms > _MAX_NOISE_RATIO * noise):
+        return None
+    if float(np.abs(found.acceleration).max()) < _MIN_SIGNIFICANCE * found.std:
+        return None
+    return Fall(first, end - 1, found.acceleration, found.std)
+
+
+def fit_fall(time: FloatArray, place: FloatArray) -> Fall:
+    """Acceleration of a whole track, however uncertain."""
+    return _fitted(time, place, _noise(place))[0]
+
+
+def _fitted(t: FloatArray, place: FloatArray, noise: FloatArray) -> tuple[Fall, FloatArray]:
+    """Parabola through all rows, and its residuals along each axis."""
+    half = 0.5 * float(t[-1] - t[0])
     s = (t - t.mean()) / half
     design = np.column_stack([np.ones_like(s), s, s**2])
     inverse = np.linalg.inv(design.T @ design)
-    fitted = inverse @ design.T @ place[first:end]
-    rest = place[first:end] - design @ fitted
+    fitted = inverse @ design.T @ place
+    rest = place - design @ fitted
     rms = np.sqrt((rest**2).sum(axis=0) / (len(s) - 3))
-    if np.any(rms > _MAX_NOISE_RATIO * noise):
-        return None
-    acceleration = 2.0 * fitted[2] / half**2
     std = 2.0 * float(np.sqrt(inverse[2, 2]) * np.max(np.maximum(rms, noise))) / half**2
-    if float(np.abs(acceleration).max()) < _MIN_SIGNIFICANCE * std:
-        return None
-    return Fall(first, end - 1, acceleration, std)
+    return Fall(0, len(t) - 1, 2.0 * fitted[2] / half**2, std), rms
 
 
 _LENGTHS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
@@ -153,7 +163,7 @@ def units_by_fall(
     """
     found: dict[tuple[str, str], float] = {}
     for time, place in tracks:
-        fall = find_fall(time, place) if len(time) >= _MIN_ROWS else None
+        fall = find_fall(time, place) if len(time) >= MIN_FALL_ROWS else None
         if fall is None:
             continue
         down = -float(fall.acceleration[1])

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipelines.checker.fall import find_fall
+from pipelines.checker.fall import find_fall, fit_fall
 
 __all__ = ["SlowPart", "find_slow_part", "repeats_of"]
 
@@ -26,6 +26,10 @@ _MAX_TURN = 0.1
 
 _MAX_MISMATCH = 0.25
 """Relative difference of factors that are one (chosen: they are found to some percent)."""
+
+_MIN_FAST_ROWS = 7
+"""Rows next to slow motion that test a known fall (derived: twice a parabola's parameters, and 1).
+"""
 
 _MIN_SIGMAS, _MIN_SPEED_SIGMAS = 6.0, 3.0
 """Jump of speed, and slower speed, over their standard uncertainties (chosen)."""
@@ -95,12 +99,22 @@ def _slow_part(time: FloatArray, place: FloatArray, steps: int) -> SlowPart | No
 
 def _falls_alike(time: FloatArray, place: FloatArray, row: int, factor: float) -> bool:
     """Whether the fall changes with the square of the speed's factor, as only a clock's does."""
-    before = find_fall(time[: row + 1], place[: row + 1])
-    after = find_fall(time[row:], place[row:])
-    if before is None or after is None:
+    before, after = (time[: row + 1], place[: row + 1]), (time[row + 1 :], place[row + 1 :])
+    slow, fast = (before, after) if factor > 1.0 else (after, before)
+    fall = find_fall(*slow)
+    if fall is None:
         return False
-    ratio = float(np.hypot(*after.acceleration) / np.hypot(*before.acceleration))
-    return bool(abs(np.log(ratio) - 2.0 * np.log(factor)) < 2.0 * _MAX_MISMATCH)
+    ratio = max(factor, 1.0 / factor) ** 2
+    # a few fast pictures show a fall at a known acceleration that they would not reveal alone
+    seen = find_fall(*fast) or (fit_fall(*fast) if len(fast[0]) > _MIN_FAST_ROWS else None)
+    if seen is None:
+        return False
+    expected = ratio * fall.acceleration
+    allowed = 2.0 * _MAX_MISMATCH * float(np.hypot(*expected)) + _MIN_SPEED_SIGMAS * seen.std
+    changed = float(np.hypot(*(seen.acceleration - fall.acceleration)))
+    return bool(
+        np.hypot(*(seen.acceleration - expected)) < allowed and changed > _MIN_SIGMAS * seen.std
+    )
 
 
 def _jumps(time: FloatArray, place: FloatArray, steps: int) -> list[tuple[int, float]]:

@@ -45,6 +45,23 @@ def test_slow_motion_up_to_a_normal_part() -> None:
     assert found.factor == pytest.approx(4.0, rel=0.15)
 
 
+def test_a_few_fast_pictures_after_slow_motion() -> None:
+    rng = np.random.default_rng(6)
+    capture = np.concatenate([np.arange(121) / 600, 0.2 + 8 / 600 * np.arange(1, 13)])
+    place = 200.0 * flight(capture) + rng.normal(0.0, 0.15, (len(capture), 2))
+    found = find_slow_part(np.arange(len(capture)) / 30.0, place)
+    assert found is not None
+    assert found.first == 0
+    assert found.last == pytest.approx(120, abs=4)
+    assert found.factor == pytest.approx(8.0, rel=0.15)
+
+
+def kick(time: np.ndarray) -> np.ndarray:
+    """A falling ball that is hit downwards."""
+    after = np.maximum(time - 0.4, 0.0)
+    return np.column_stack([0.0 * time, 3.0 - 0.5 * G * time**2 - 6.0 * after])
+
+
 def bounce(time: np.ndarray) -> np.ndarray:
     height = np.where(time < 0.3, 0.44 - 0.5 * G * time**2, 0.0)
     after = np.maximum(time - 0.3, 0.0)
@@ -60,7 +77,7 @@ def brake(time: np.ndarray) -> np.ndarray:
     return np.column_stack([2.0 * time - 1.6 * np.maximum(time - 0.3, 0.0), 0.0 * time])
 
 
-@pytest.mark.parametrize("motion", [flight, bounce, push, brake])
+@pytest.mark.parametrize("motion", [flight, bounce, push, brake, kick])
 def test_what_a_force_does_is_no_slow_motion(motion: object) -> None:
     rng = np.random.default_rng(2)
     time = np.arange(144) / 240
