@@ -69,6 +69,7 @@ def values() -> dict[str, Callable[[], str]]:
             _add(known, f"lessons.{lesson}.{name}", entry)
     known |= _evidence(read_results("evidence.json"))
     known["kills"] = lambda: _kills_text(read_results("kills.json"))
+    known["inputs"] = lambda: _inputs_text(read_results("inputs.json"))
     known["cost.table"] = lambda: _cost_table(read_results("cost.json"))
     names = read_results("acceptance.json")
     worlds = {**names["worlds"], "all": names["all"]}
@@ -97,6 +98,15 @@ def _kills_text(found: Record) -> str:
         f" {total['incomplete']} incomplete; {total['inputs_damaged']} inputs damaged;"
         f" {total['orphans']} processes left after 5 s{again}"
     )
+
+
+def _inputs_text(found: Record) -> str:
+    """Outcomes of inputs as people hand them in."""
+    verdicts = ("right", "explained", "misdiagnosed", "wrong", "crash")
+    counts = {one: [*found.values()].count(one) for one in verdicts}
+    named = "; ".join(name for name, verdict in found.items() if verdict != "right")
+    listed = ", ".join(f"{count} {one}" for one, count in counts.items())
+    return f"of {len(found)} inputs {listed} (not right: {named})"
 
 
 def _acceptance_table(found: Record, head: tuple[str, str]) -> str:

@@ -186,7 +186,7 @@ class Track:
     radius_px : (N,) array
         Outline radius, px; for the pendulum the size of the mass.
     radius_std_px : (N,) array
-        Its standard uncertainty, px.
+        Its standard uncertainty, px; infinite if the radius was not observed.
     quality : (N,) array
         0 (unreliable) to 1 (clean).
     """
@@ -202,6 +202,11 @@ class Track:
 
     def __len__(self) -> int:
         return len(self.frame)
+
+    @property
+    def sized(self) -> bool:
+        """Whether the radius was observed."""
+        return bool(np.isfinite(self.radius_std_px).all())
 
     def where(self, keep: NDArray[np.bool_]) -> Self:
         """Rows for which `keep` (N,) is true."""

@@ -107,7 +107,7 @@ def _pasted(mistake: Mistake, words: Sequence[str], message: str, folder: Path) 
     return ran.exit_code == 0 and "Likely cause" not in ran.output
 
 
-_SHOWN = 300
+_SHOWN = 260
 """Characters of a message on the page."""
 
 

@@ -1,14 +1,16 @@
 """Measure inputs as people hand them in, and print what comes out of each.
 
-``python -m bench.inputs [NAME…]`` runs ``../shared/inputs`` and clips made from its strike. An
-outcome is *right* if every compared quantity is within three standard uncertainties of the truth,
-*explained* if the refusal or a warning names the cure, *wrong*, *misdiagnosed*, or a *crash*.
+``python -m bench.inputs [NAME…] [--json FILE]`` runs ``../shared/inputs`` and clips made from its
+strike. With --json the outcomes of all are stored, for the docs. An outcome is *right* if every
+compared quantity is within three standard uncertainties of the truth, *explained* if the refusal or
+a warning names the cure, *wrong*, *misdiagnosed*, or a *crash*.
 """
 
+import argparse
 import json
 import os
-import sys
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -19,7 +21,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from metrology import ImpactVisionError
+from metrology import ImpactVisionError, write_text_whole
 from pipelines.api.quantities import measure_options
 from pipelines.explain.tabular import read_sheet
 from pipelines.interop.measured import measure_from_tracks
@@ -80,7 +82,8 @@ def verdict_of(case: Case, folder: Path, truth: dict[str, dict[str, float]]) -> 
         return "wrong", "read without a word"
     known = [found.quantity(name) for name in COMPARED if found.quantity(name).known]
     if not known:
-        text = " ".join(found.warnings)
+        reasons = dict.fromkeys(one.reason or "" for one in found.quantities)
+        text = " ".join([*found.warnings, *reasons])
         return ("explained" if case.cure and case.cure in text else "misdiagnosed"), text[:160]
     sigmas = {
         one.name: ((one.value or 0.0) - truth[one.name]["value"]) / (one.std or 1.0)
@@ -216,7 +219,7 @@ CASES = (
     Case(
         "r17 Phantom, 7 pictures",
         lambda _: measure_clip(_inputs() / "r17_phantom_7_frames.cine", measure_options(fps="600")),
-        "nothing round moves",
+        "only 2 pictures",
     ),
     Case("explain, two quotes", _two_quotes, "line 5"),
     Case("--fps 300", _clip(lambda p, d: _inputs() / "base_strike.mkv", fps="300"), "--fps 600"),
@@ -257,18 +260,23 @@ CASES = (
 
 def main() -> None:
     """Print the table."""
+    parser = argparse.ArgumentParser(prog="python -m bench.inputs")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="part of an input's name")
+    parser.add_argument("--json", type=Path)
+    asked = parser.parse_args()
     truth = json.loads((_inputs() / "truth.json").read_text())
-    wanted = sys.argv[1:]
-    counts: dict[str, int] = {}
+    outcomes: dict[str, str] = {}
     print("| input | outcome | details |\n|---|---|---|")
     for case in CASES:
-        if wanted and not any(word in case.name for word in wanted):
+        if asked.names and not any(word in case.name for word in asked.names):
             continue
         with tempfile.TemporaryDirectory() as folder:
-            verdict, details = verdict_of(case, Path(folder), truth)
-        counts[verdict] = counts.get(verdict, 0) + 1
-        print(f"| {case.name} | {verdict} | {details} |", flush=True)
+            outcomes[case.name], details = verdict_of(case, Path(folder), truth)
+        print(f"| {case.name} | {outcomes[case.name]} | {details} |", flush=True)
+    counts = Counter(outcomes.values())
     print("\n" + ", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
+    if asked.json is not None:
+        write_text_whole(asked.json, json.dumps(outcomes, indent=1) + "\n")
 
 
 if __name__ == "__main__":

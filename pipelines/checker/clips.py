@@ -39,7 +39,7 @@ def clip_facts(followed: "FollowedClip", grid: WallGrid | None) -> SceneFacts:
     return SceneFacts(
         frame=followed.clock[ball.frame[rows]],
         centre_px=ball.centre_px[rows],
-        radius_px=ball.radius_px[rows] if followed.size_seen else None,
+        radius_px=ball.radius_px[rows] if ball.sized else None,
         flies=followed.tracks.motion.kind in _FLYING,
         rate=(followed.rate.fps, followed.rate.std) if followed.rate.known else None,
         ball=None if diameter is None else (diameter.value, diameter.std),

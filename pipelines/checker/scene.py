@@ -224,23 +224,25 @@ def _fall(facts: SceneFacts) -> Fall | None:
 
 def _missing(facts: SceneFacts, fall: Fall | None) -> Finding | None:
     """Facts without which there are neither metres nor seconds."""
-    scaled = facts.ball is not None or facts.scale is not None or facts.grid is not None
+    sized = facts.ball is not None and facts.radius_px is not None
+    scaled = sized or facts.scale is not None or facts.grid is not None
     if facts.rate is not None or scaled:
         return None
     seen = []
+    length, example = "--scale", "--scale '410 px/m'"
     if facts.radius_px is not None and len(facts.radius_px):
         seen.append(f"the ball is {2.0 * float(np.median(facts.radius_px)):.0f} px wide")
+        length = "--ball"
+        example = "--ball 220mm (instead of the ball: --wall-grid 50mm or --scale '410 px/m')"
     if fall is not None:
-        seen.append(
-            f"it falls with {fall.acceleration[1]:.3g} ± {fall.std:.1g} px per picture squared"
-        )
+        falls = format_value(float(fall.acceleration[1]), fall.std, "px")
+        seen.append(f"it falls with {falls} per picture squared")
     text = f" Seen: {' and '.join(seen)}." if seen else ""
-    option = "--fps RATE --ball DIAMETER"
     return Finding(
         "facts",
         "Two facts are missing: the camera's rate and one length. Pass both, for example --fps 240"
-        f" --ball 220mm (instead of the ball: --wall-grid 50mm or --scale '410 px/m').{text}",
-        option,
+        f" {example}.{text}",
+        f"--fps RATE {length} VALUE",
     )
 
 

@@ -313,8 +313,7 @@ def measure_from_tracks(
     )
     scale, said_of_scale = _scale(external, options, clip)
     tracks = _tracks(external, filmed, inputs, scale)
-    seen = external.tracks[0].has_size
-    followed = FollowedClip(tracks, filmed.clock, rate, inputs, scale, size_seen=seen)
+    followed = FollowedClip(tracks, filmed.clock, rate, inputs, scale)
     found = measure_tracks(followed, progress, options.budget)
     source = f"Tracks from {path.name} ({external.program}); no images were analysed."
     warnings = (*external.notes, *said_of_scale, *filmed.warnings, source)
@@ -444,9 +443,9 @@ def _track(given: ExternalTrack, radius: float) -> Track:
     std = _mark_std(given)
     covariance = np.zeros((count, 2, 2))
     covariance[:, [0, 1], [0, 1]] = std**2
-    size = np.full(count, radius)
+    size, size_std = np.full(count, radius), np.inf
     if given.radius_px is not None and given.has_size:
-        size = given.radius_px
+        size, size_std = given.radius_px, 0.1 * radius
     return Track(
         frame=given.frame,
         time_s=given.frame.astype(float),
@@ -454,7 +453,7 @@ def _track(given: ExternalTrack, radius: float) -> Track:
         covariance_px2=covariance,
         bound_px2=covariance,
         radius_px=size,
-        radius_std_px=np.full(count, 0.1 * radius),
+        radius_std_px=np.full(count, size_std),
         quality=np.ones(count),
     )
 

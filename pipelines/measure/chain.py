@@ -53,10 +53,10 @@ from pipelines.measure.motions import (
     require_upright,
 )
 from pipelines.measure.results import (
-    NO_MOTION,
     Evaluated,
     NoScale,
     Results,
+    motion_seen,
     needed,
     results_of,
 )
@@ -227,8 +227,6 @@ class FollowedClip:
     inputs : Inputs
     scale_m_per_px : (2,) tuple of float or None
         Scale in the plane of motion with its standard uncertainty, if given.
-    size_seen : bool
-        Whether the ball's radius was observed; imported marks have only the given one.
     """
 
     tracks: Tracks
@@ -236,7 +234,6 @@ class FollowedClip:
     rate: CaptureRate
     inputs: Inputs
     scale_m_per_px: tuple[float, float] | None = None
-    size_seen: bool = True
 
     def seconds(self, fps: float) -> FloatArray:
         """Times of all frames at a rate, s."""
@@ -475,7 +472,7 @@ def fit_tracks(
     report("calibrating", 1.0)
     fitted = FittedClip(followed, wall, scene)
     if tracks.motion.measured_as is MotionKind.NONE:
-        return replace(fitted, refusal=NO_MOTION)
+        return replace(fitted, refusal=motion_seen(tracks))
     if tracks.motion.kind in _OTHER_MOTIONS:
         seen = f"the motion is a {tracks.motion.kind.value}, not a strike"
         return replace(fitted, refusal=seen)
@@ -665,7 +662,7 @@ def _motion_scene(scene: ClipConditions, followed: FollowedClip, wall: "WallScen
         gravity=inputs.gravity,
         size=float(max(followed.tracks.background.shape)),
         rate_from_fall=scene.rate.source is RateSource.ASSUMED,
-        diameter=_given_diameter(scene) if followed.size_seen else None,
+        diameter=_given_diameter(scene) if followed.tracks.ball.sized else None,
     )
 
 
@@ -682,7 +679,7 @@ def _plane_scale(scene: ClipConditions, tracks: Tracks, wall: "WallScene") -> Pl
     if scene.metres_per_px is not None:
         per_px, std = scene.metres_per_px
         return PlaneScale(per_px, std / per_px, UncertaintySource.SCALE)
-    if scene.inputs.ball is None or wall.refusal.contradicts:
+    if scene.inputs.ball is None or not tracks.ball.sized or wall.refusal.contradicts:
         return None
     ball = applicable(tracks)
     lens = scene.lens or _assumed(tracks)

@@ -702,11 +702,18 @@ def _require_something(measured: ClipMeasurement, path: Path) -> None:
     kind = measured.motion.measured_as
     named = [(item, kinds_of(item.name)) for item in measured.quantities]
     own = [item for item, kinds in named if kind in kinds and len(kinds) < len(MotionKind)]
-    summary = dict.fromkeys(item.reason for item in own or measured.quantities if item.reason)
-    causes = [finding.sentence.rstrip(".") for finding in measured.findings]
+    reasons = dict.fromkeys(item.reason for item in own or measured.quantities if item.reason)
+    # "it needs a strike, but …" repeats the cause
+    causes = [one for one in reasons if not any(one.endswith(f", but {o}") for o in reasons)]
+    found = [finding.sentence.rstrip(".") for finding in measured.findings]
+    # missing facts do not explain why no motion is seen; a wrong input does
+    wrong = any(finding.key != "facts" for finding in measured.findings)
+    causes = found if wrong else [*found, *causes]
     raise MeasurementError(
-        f"nothing can be measured from {path}: {'; '.join([*causes, *summary][:_REASONS])}",
-        hint="A flight must be visible over several frames or marks, a swing from end to end. If"
+        f"nothing can be measured from {path}: {'; '.join(causes[:_REASONS])}",
+        hint=None
+        if wrong and any(finding.option for finding in measured.findings)
+        else "A flight must be visible over several frames or marks, a swing from end to end. If"
         " another object was tracked, point with --ball-at and --mass-at; among several tracks name"
         ' the ball with --columns "ball=NAME".',
     )

@@ -508,7 +508,7 @@ def assumed_lens(ball: Track, shape: tuple[int, int]) -> AssumedLens:
     usual = AssumedLens(middle, focal, Defaults.CAMERA_SLANT.std)
     radius = usual.across(ball.centre_px, ball.radius_px)
     spread = float(offset[:, 0].std())
-    if len(radius) < _INDEPENDENT_RADII or spread == 0.0:
+    if not ball.sized or len(radius) < _INDEPENDENT_RADII or spread == 0.0:
         return usual
     design = np.column_stack([offset[:, 0], np.ones(len(radius))])
     std = np.hypot(ball.radius_std_px, MODEL_STD_PX) / radius
@@ -688,7 +688,7 @@ def _outlines(ball: Track, tracks: Tracks, inputs: Inputs) -> BallOutlines | Non
     # the ball is compressed for some hundredths of a second after its rest
     round_again = ball.frame > after + (0.03 / np.median(np.diff(ball.time_s)))
     good = ball.where(round_again & (ball.quality >= np.median(ball.quality) * 0.5))
-    if len(good) < 3:
+    if len(good) < 3 or not ball.sized:
         return None
     return BallOutlines.followed(
         good.centre_px, good.radius_px, good.radius_std_px, Known(diameter.value, diameter.std)

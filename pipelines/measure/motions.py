@@ -988,7 +988,7 @@ def flight_of(ball: Track, scene: MotionScene, mapping: Mapping | None = None) -
         drag, drag_std = UNKNOWN_DRAG_OVER_PATH / extent, UNKNOWN_DRAG_OVER_PATH / extent
     time = scene.clock[ball.frame] / (scene.fps if scene.timed else 1.0)
     # a calibration already uses the size
-    size = ball.radius_px if chosen is None else np.full(len(ball), np.nan)
+    size = ball.radius_px if chosen is None and ball.sized else np.full(len(ball), np.nan)
     path = FlightFrames(time, place, std, size, ball.radius_std_px)
     return fit_free_flight(path, FreeFlightPriors(drag, drag_std, growth))
 
@@ -1200,8 +1200,9 @@ def _angle(value: float, budget: tuple[Contribution, ...], kind: MotionKind) -> 
 def _no_scale(scene: MotionScene) -> str:
     if not scene.metric:
         return (
-            "no scale in the plane of motion: give the diameter with --ball, or --scale, or film"
-            " in front of a wall grid; the value in pixels is given"
+            "no scale in the plane of motion: give --scale, or the diameter with --ball where the"
+            " ball's size was observed, or film in front of a wall grid; the value in pixels is"
+            " given"
         )
     return "the capture rate is unknown: give it with --fps RATE; the value in frames is given"
 

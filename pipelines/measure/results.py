@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from calib.calibration import Calibration
 from metrology import Contribution, Quantity, UncertaintySource
+from pipelines.checker.fall import MIN_FALL_ROWS
 from pipelines.measure.budget import (
     DERIVED,
     ClipConditions,
@@ -43,6 +44,7 @@ from pipelines.measure.gravity import (
     cor_weights,
     fused_cor,
     gravity_check,
+    scale_std,
 )
 from pipelines.measure.impact import (
     UNSEEN_HALF_CONTACT_STD_S,
@@ -58,12 +60,12 @@ from pipelines.report import Check, CheckKind, CheckOutcome
 from vision.tracks import MotionKind, Tracks
 
 __all__ = [
-    "NO_MOTION",
     "Evaluated",
     "NoScale",
     "Results",
     "frames_within",
     "missing_input",
+    "motion_seen",
     "needed",
     "reading_on_wall",
     "results_of",
@@ -84,6 +86,10 @@ _PLASTIC = 1.32471795724474602596
 """Real root of x³ = x + 1: steps of 1/x and 1/x² fill a square evenly (Roberts 2018)."""
 _BACKSWING = "backswing_angle"
 NO_MOTION = "the motion is neither free flight nor a swing"
+_FEW_PICTURES = (
+    "the moving object is seen in only {} pictures, and {} are needed to recognise a flight or a"
+    " swing: pass every picture of the recording, or mark the object in more of them"
+)
 _NOT_BEFORE = "the pendulum is not in view before the strike"
 _AVERAGED_FRAMES = 8
 """Frames averaged for the first angle and each rate (assumed; 13 ms at 600 fps)."""
@@ -216,7 +222,7 @@ def results_of(
     `motion` holds the quantities of a motion other than a strike; `wanted` names the quantities
     asked for, None all; the others are missing with that reason.
     """
-    reasons = _reasons(evaluated, no_grid)
+    reasons = _reasons(evaluated, tracks, no_grid)
     found: dict[str, Quantity] = {}
     for index, (name, unit) in enumerate(DERIVED.items()):
         found[name] = _quantity(evaluated, index, name, unit, reasons)
@@ -254,7 +260,7 @@ def results_of(
     found |= motion.quantities
     if tracks.motion.measured_as is MotionKind.NONE:
         gravity = Quantity.missing(
-            gravity.name, gravity.unit, f"it needs a flight, but {NO_MOTION}"
+            gravity.name, gravity.unit, f"it needs a flight, but {motion_seen(tracks)}"
         )
     found = _of_this_motion(found, tracks, wanted)
     return Results(
@@ -267,6 +273,14 @@ def results_of(
     )
 
 
+def motion_seen(tracks: Tracks) -> str:
+    """The motion that is recognised, or why there is none."""
+    kind, seen = tracks.motion.kind, len(tracks.ball)
+    if tracks.motion.measured_as is MotionKind.NONE and seen < MIN_FALL_ROWS:
+        return _FEW_PICTURES.format(seen, MIN_FALL_ROWS)
+    return NO_MOTION if kind is MotionKind.NONE else f"the motion is a {kind.noun}"
+
+
 def _asked(wanted: Collection[str] | None, names: Collection[str]) -> bool:
     return wanted is None or any(name in wanted for name in names)
 
@@ -275,7 +289,7 @@ def _of_this_motion(
     found: dict[str, Quantity], tracks: Tracks, wanted: Collection[str] | None
 ) -> dict[str, Quantity]:
     """Quantities in the contract's order; those of other motions, or not asked for, say so."""
-    kind, measured_as = tracks.motion.kind, tracks.motion.measured_as
+    measured_as = tracks.motion.measured_as
     out: dict[str, Quantity] = {}
     for name, unit in QUANTITY_UNITS.items():
         item = found.get(name)
@@ -283,10 +297,8 @@ def _of_this_motion(
             item = Quantity.missing(name, unit, NOT_ASKED)
         elif item is None or (measured_as not in kinds_of(name) and not item.known):
             shown_by = " or a ".join(str(one.value) for one in kinds_of(name))
-            seen = f"the motion is a {kind.noun}"
-            if kind is MotionKind.NONE:
-                seen = NO_MOTION
-            item = Quantity.missing(name, unit, f"it needs a {shown_by}, but {seen}")
+            needs = f"it needs a {shown_by}, but {motion_seen(tracks)}"
+            item = Quantity.missing(name, unit, needs)
         out[name] = item
     return out | {name: item for name, item in found.items() if name in _PIXELS}
 
@@ -298,7 +310,7 @@ def _size(evaluated: Evaluated, tracks: Tracks, found: dict[str, Quantity]) -> C
     """
     calibration, metric = evaluated.scene.calibration, evaluated.metric
     diameter = evaluated.scene.inputs.rig.ball_diameter
-    if calibration is None or metric is None or diameter is None:
+    if calibration is None or metric is None or diameter is None or not tracks.ball.sized:
         return None
     offset_source = UncertaintySource.BALL_PLANE_OFFSET
     if all(estimate.source is not offset_source for estimate in calibration.depth_estimates):
@@ -459,7 +471,7 @@ def _unknown(evaluated: Evaluated, name: str) -> str:
     return _UNDETERMINED
 
 
-def _reasons(evaluated: Evaluated, no_grid: NoScale) -> dict[str, str]:
+def _reasons(evaluated: Evaluated, tracks: Tracks, no_grid: NoScale) -> dict[str, str]:
     """Quantities that must be withheld although they could be computed."""
     reasons: dict[str, str] = {}
     if not evaluated.scene.rate.known:
@@ -469,8 +481,8 @@ def _reasons(evaluated: Evaluated, no_grid: NoScale) -> dict[str, str]:
         landing = f"it needs the wall grid: {no_grid.reason}"
         reasons |= dict.fromkeys(_LANDING, landing)
         wanted = [name for name, unit in DERIVED.items() if unit in _NEEDS_METRES]
-        if scene.inputs.ball is None and scene.metres_per_px is None:
-            text = f"neither a wall grid nor the ball's diameter gives a scale ({no_grid.reason})"
+        if not math.isfinite(scale_std(scene, tracks)):
+            text = f"neither a wall grid nor the ball's size gives a scale ({no_grid.reason})"
             reasons |= dict.fromkeys([*wanted, "gravity", "launch_angle"], text)
         elif no_grid.contradicts and impact is not None:
             reasons |= dict.fromkeys([*wanted, *_LANDING], no_grid.reason)

@@ -275,3 +275,43 @@ def test_rows_out_of_order_are_put_in_order_and_told(tmp_path: Path) -> None:
     found = read_tracks(table)
     assert "run backwards in 119 of 120 rows" in found.notes[0]
     assert np.all(np.diff(found.tracks[0].time_s) > 0.0)
+
+
+def _thrown(path: Path, step: float, head: str) -> Path:
+    """Marks of a throw at 60 pictures per second and 410 px/m, whose ball has no size."""
+    seconds = np.arange(40) / 60.0
+    noise = np.random.default_rng(1).normal(0.0, 0.3, (40, 2))
+    x = 100.0 + 410.0 * 2.0 * seconds + noise[:, 0]
+    y = 300.0 - 410.0 * (1.5 * seconds - 0.5 * 9.81 * seconds**2) + noise[:, 1]
+    table = np.column_stack([60.0 * step * seconds, x, y])
+    np.savetxt(path, table, delimiter=",", header=head, comments="", fmt="%.6g")
+    return path
+
+
+def test_without_size_or_scale_the_fall_is_given_in_pixels(tmp_path: Path) -> None:
+    per_second = _thrown(tmp_path / "t.csv", 1.0 / 60.0, "t (s),x (px),y (px)")
+    per_frame = _thrown(tmp_path / "f.csv", 1.0, "frame,x (px),y (px)")
+    for path, falls, unit in (
+        (per_second, 410.0 * 9.81, "px/s^2"),
+        (per_frame, 410.0 * 9.81 / 3600.0, "px/frame^2"),
+    ):
+        for ball in (None, "220 mm"):
+            found = measure_from_tracks(path, measure_options(ball=ball))
+            fall = found.quantity("fall_acceleration_px")
+            assert fall.unit == unit
+            assert fall.value == pytest.approx(falls, rel=0.03)
+            assert fall.value is not None
+            assert 0.0 < (fall.std or 0.0) < 0.02 * fall.value
+            assert not found.quantity("fall_acceleration").known
+            assert "--scale" in (found.quantity("fall_acceleration").reason or "")
+    facts = [one for one in found.findings if one.key == "facts"]
+    assert facts[0].option == "--fps RATE --scale VALUE"
+
+
+def test_too_few_pictures_are_named_as_the_cause(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    rows = [f"{n},{x:.1f},{y:.1f}" for n, (x, y) in enumerate(rng.uniform(0.0, 300.0, (6, 2)))]
+    (tmp_path / "t.csv").write_text("\n".join(["frame,x,y", *rows]) + "\n")
+    found = measure_from_tracks(tmp_path / "t.csv", measure_options(fps="60"))
+    assert not any(one.known for one in found.quantities)
+    assert "seen in only 6 pictures" in (found.quantity("ball_speed").reason or "")
