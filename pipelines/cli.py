@@ -44,6 +44,11 @@ _COMMANDS = {
         "measure_command",
         "Measure contact, launch, landing and COR in one pass over each clip.",
     ),
+    "app": _Command(
+        "pipelines.app.command",
+        "app_command",
+        "Open the page: measure a clip, see everything, correct by dragging.",
+    ),
     "contact-time": _Command(
         _MEASURE,
         "contact_time_command",

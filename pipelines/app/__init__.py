@@ -1,0 +1,1 @@
+"""The page of `vision app`: open, measure, correct, export."""

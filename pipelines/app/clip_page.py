@@ -1,0 +1,358 @@
+"""Page Clip: frame with outlines, numbers, messages, inputs and graphs."""
+
+import json
+from typing import Any
+
+from nicegui import ui
+
+from pipelines.app.corrections import ClipInputs, Corrections
+from pipelines.app.figures import LARGE_FIGURES, Figure, Standing
+from pipelines.app.session import AppSession, ClipSession
+from pipelines.app.words import Say, label_of
+
+__all__ = ["ClipPage", "copy_card", "standing_text"]
+
+POLL_S = 0.2
+"""s between updates from the session (chosen: appears immediate)."""
+
+_INPUTS = (
+    ("fps", "fps", "600 fps"),
+    ("ball", "ball_input", "220 mm"),
+    ("wall_grid", "wall_grid", "50 mm"),
+    ("scale", "scale", "2.44 mm/px"),
+    ("setup", "setup_input", "setup.toml"),
+)
+"""Inputs, the keys of their labels, and an example of each."""
+
+
+def standing_text(figure: Figure, say: Say) -> str:
+    """How far a number can be trusted, in a sentence."""
+    return say(str(figure.standing), why=figure.why)
+
+
+class ClipPage:
+    """The page of one clip in one window.
+
+    Parameters
+    ----------
+    session : AppSession
+    clip : ClipSession
+    say : Say
+    """
+
+    def __init__(self, session: AppSession, clip: ClipSession, say: Say) -> None:
+        self.session, self.clip, self.say = session, clip, say
+        self._revision = -1
+        self._drawn: object = None
+        self._opened = False
+        self._mode = ""
+
+    def build(self) -> None:
+        """Lay the page out."""
+        with ui.column().classes("va-page"):
+            with ui.row().classes("w-full items-baseline gap-3"):
+                with ui.element("h1"):
+                    ui.label(self.clip.path.name).props("data-test=name")
+                self._facts = ui.label().classes("va-small")
+            with ui.element("div").classes("va-columns"):
+                with ui.element("div").classes("va-column"):
+                    self._frame_card()
+                with ui.element("div").classes("va-column"):
+                    self.status()
+                    self.numbers()
+                    self.messages()
+                    self._inputs_card()
+                    self.repeats()
+                with ui.element("div").classes("va-column"):
+                    self.graphs()
+        ui.timer(POLL_S, self._poll)
+
+    def _frame_card(self) -> None:
+        say = self.say
+        with ui.column().classes("va-card"):
+            ui.element("div").props("id=viewer").classes("w-full")
+            with ui.row().classes("items-center gap-2 va-hidden-in-print"):
+                self._modes = {}
+                for mode, key in (("ball", "this_ball"), ("mass", "this_mass")):
+                    button = ui.button(say(key), on_click=lambda _, mode=mode: self._point(mode))
+                    button.props(f"outline dense aria-pressed=false data-test=point-{mode}")
+                    self._modes[mode] = button
+                self._undo = ui.button(say("undo"), on_click=self.clip.undo)
+                self._undo.props("flat dense data-test=undo")
+                self._redo = ui.button(say("redo"), on_click=self.clip.redo)
+                self._redo.props("flat dense data-test=redo")
+                found = ui.checkbox(say("show_found"), on_change=self._show_found)
+                found.props("dense data-test=show-found")
+            self._hint = ui.label(say("point_at")).classes("va-small").props("role=status")
+            self._hint.set_visibility(False)
+
+    @ui.refreshable_method
+    def status(self) -> None:
+        """Progress, or why nothing was measured."""
+        clip, say = self.clip, self.say
+        problem = clip.frames.problem or clip.problem
+        if clip.busy and not clip.frames.problem:
+            with ui.column().classes("va-card").props("role=status data-test=busy"):
+                ui.label(say("measuring", step=clip.step))
+                ui.linear_progress(clip.part, show_value=False).props(
+                    f'aria-label="{say("measuring", step=clip.step)}" color=teal'
+                )
+        if problem:
+            note = ui.label(problem).classes("va-note bad").props("role=alert data-test=problem")
+            note.style("white-space: pre-wrap")
+        if clip.unsaved:
+            ui.label(say("not_saved", why=clip.unsaved)).classes("va-note bad").props(
+                "role=alert data-test=unsaved"
+            )
+
+    @ui.refreshable_method
+    def numbers(self) -> None:
+        """The numbers, the first four large."""
+        say, measured = self.say, self.clip.measured
+        with ui.column().classes("va-card").props("data-test=numbers aria-live=polite"):
+            with ui.element("h2"):
+                ui.label(say("results"))
+            if measured is None:
+                if not self.clip.busy and self.clip.marks()["candidates"]:
+                    ui.label(say("no_numbers", question=say("which_ball")))
+                return
+            motion = measured.motion
+            said = say("motion", kind=motion.kind.noun, p=f"{motion.probability:.2f}")
+            ui.label(said).classes("va-small").props("data-test=motion")
+            figures = self.clip.figures
+            large = [one for one in figures if one.value][:LARGE_FIGURES]
+            with ui.element("div").classes("va-large"):
+                for figure in large:
+                    self._large(figure)
+            rest = [one for one in figures if one not in large]
+            if rest:
+                with ui.element("details").props("data-test=more"):
+                    with ui.element("summary"):
+                        ui.label(say("more", count=len(figures))).classes("inline")
+                    for figure in rest:
+                        self._small(figure)
+
+    def _large(self, figure: Figure) -> None:
+        with ui.element("div").classes("va-figure").props(f'data-test="figure-{figure.name}"'):
+            ui.label(label_of(figure.name, self.session.language)).classes("va-label")
+            with ui.element("div"):
+                with ui.element("b"):
+                    ui.label(figure.value).classes("inline")
+                ui.label(f" ± {figure.std} {figure.unit}").classes("va-std inline")
+            self._standing(figure)
+            self._budget(figure)
+
+    def _small(self, figure: Figure) -> None:
+        with ui.element("div").classes("va-row").props(f'data-test="figure-{figure.name}"'):
+            ui.element("span").classes(f"va-stand {figure.standing}").props("aria-hidden=true")
+            with ui.element("div"):
+                ui.label(label_of(figure.name, self.session.language))
+                if figure.standing is not Standing.SOUND:
+                    ui.label(standing_text(figure, self.say)).classes("va-small")
+                self._budget(figure)
+            shown = f"{figure.value} ± {figure.std} {figure.unit}" if figure.value else "–"
+            ui.label(shown).classes("va-value")
+
+    def _standing(self, figure: Figure) -> None:
+        with ui.row().classes("items-baseline gap-2 no-wrap"):
+            ui.element("span").classes(f"va-stand {figure.standing}").props("aria-hidden=true")
+            ui.label(standing_text(figure, self.say)).classes("va-small")
+
+    def _budget(self, figure: Figure) -> None:
+        if not figure.budget:
+            return
+        with ui.element("details"):
+            with ui.element("summary").classes("va-small"):
+                ui.label(self.say("made_of")).classes("inline")
+            with ui.element("div").classes("va-budget"):
+                for source, std, part in figure.budget:
+                    ui.label(source)
+                    ui.label(std).style("text-align: right")
+                    ui.element("div").classes("va-bar").style(f"width: {min(100 * part, 100):.0f}%")
+
+    @ui.refreshable_method
+    def messages(self) -> None:
+        """Warnings of the measurement and of the file."""
+        measured = self.clip.measured
+        said = [] if measured is None else list(measured.warnings)
+        if not said:
+            return
+        contradictions = set() if measured is None else {one.sentence for one in measured.findings}
+        with ui.column().classes("va-card").props("data-test=messages"):
+            with ui.element("h2"):
+                ui.label(self.say("messages"))
+            for sentence in said:
+                kind = "bad" if sentence in contradictions else "warn"
+                ui.label(sentence).classes(f"va-note {kind}")
+
+    def _inputs_card(self) -> None:
+        say = self.say
+        with ui.column().classes("va-card va-hidden-in-print").props("data-test=inputs"):
+            with ui.element("h2"):
+                ui.label(say("inputs"))
+            self._fields = {}
+            with ui.element("div").classes("va-form"):
+                for name, key, example in _INPUTS:
+                    text = getattr(self.clip.corrections.inputs, name)
+                    field = ui.input(say(key), value=text, placeholder=example)
+                    field.props(f"dense outlined stack-label data-test={name}")
+                    field.on("keydown.enter", self._measure)
+                    self._fields[name] = field
+            ui.label(say("inputs_note")).classes("va-small")
+            with ui.row().classes("items-center gap-2"):
+                button = ui.button(say("measure"), on_click=self._measure)
+                button.props("unelevated dense data-test=measure")
+                reset = ui.button(say("reset"), on_click=self._reset)
+                reset.props("flat dense data-test=reset")
+
+    @ui.refreshable_method
+    def repeats(self) -> None:
+        """The same measurement as a command and in Python."""
+        copy_card(self.say, self.clip.as_command(), self.clip.as_python())
+
+    @ui.refreshable_method
+    def graphs(self) -> None:
+        """Graphs, whose clicks go to a frame."""
+        say = self.say
+        if not self.clip.graphs:
+            return
+        charts = []
+        with ui.column().classes("va-card").props("data-test=graphs"):
+            with ui.element("h2"):
+                ui.label(say("graphs"))
+            ui.label(say("graphs_note")).classes("va-small va-hidden-in-print")
+            with ui.element("div").classes("va-graphs"):
+                for graph in self.clip.graphs:
+                    with ui.element("figure"):
+                        with ui.element("figcaption"):
+                            ui.label(say(graph.name))
+                        chart = ui.echart(graph.options()).classes("va-graph")
+                        chart.props(f'role=img aria-label="{say(graph.name)}"')
+                    charts.append({"id": chart.id, "time": graph.over_time})
+        ui.run_javascript(f"visionViewer.charts({json.dumps(charts)})")
+
+    def on_viewer(self, name: str, sent: dict[str, Any]) -> None:
+        """React to the viewer: a dragged outline, a point, undo and redo."""
+        if name in ("undo", "redo"):
+            getattr(self.clip, name)()
+            return
+        mode = self._mode
+        if name == "pointed":
+            self._point("")
+        try:
+            kind, frame = str(sent["object"]), int(sent["frame"])
+            x, y = float(sent["x"]), float(sent["y"])
+        except (KeyError, TypeError, ValueError):
+            return
+        info = self.clip.frames.info
+        inside = info is not None and 0 <= frame < info.frames
+        if not inside or kind not in ("ball", "mass") or (name == "pointed" and kind != mode):
+            return
+        assert info is not None
+        x, y = min(max(x, -0.5), info.width - 0.5), min(max(y, -0.5), info.height - 0.5)
+        self.clip.mark(kind, frame, x, y, moved=name == "moved")
+
+    def _point(self, mode: str) -> None:
+        self._mode = "" if mode == self._mode else mode
+        for name, button in self._modes.items():
+            button.props(f"aria-pressed={'true' if name == self._mode else 'false'}")
+        self._hint.set_visibility(bool(self._mode))
+        ui.run_javascript(f"visionViewer.mode({json.dumps(self._mode)})")
+
+    def _show_found(self, event: Any) -> None:
+        ui.run_javascript(f"visionViewer.all({json.dumps(bool(event.value))})")
+
+    def _measure(self) -> None:
+        texts = {name: str(field.value or "").strip() for name, field in self._fields.items()}
+        now = self.clip.corrections
+        asked = Corrections(ClipInputs(**texts), now.ball, now.mass)
+        if asked == now:
+            self.clip.begin()
+        else:
+            self.clip.change(asked)
+
+    def _reset(self) -> None:
+        self.clip.change(Corrections(self.clip.corrections.inputs))
+
+    def _poll(self) -> None:
+        clip = self.clip
+        self._open_viewer()
+        if clip.revision == self._revision:
+            return
+        self._revision = clip.revision
+        self.status.refresh()
+        history = clip.history
+        self._undo.set_enabled(history.can_undo)
+        self._redo.set_enabled(history.can_redo)
+        drawn = (id(clip.measured), clip.busy, history.now)
+        if drawn == self._drawn:
+            return
+        self._drawn = drawn
+        for name, field in self._fields.items():
+            field.set_value(getattr(history.now.inputs, name))
+        self.numbers.refresh()
+        self.messages.refresh()
+        self.repeats.refresh()
+        if not clip.busy:
+            self.graphs.refresh()
+            ui.run_javascript(f"visionViewer.marks({json.dumps(self._marks_url)})")
+
+    @property
+    def _marks_url(self) -> str:
+        return f"/marks/{self.clip.number}/{self.clip.revision}"
+
+    def _open_viewer(self) -> None:
+        frames = self.clip.frames
+        info = frames.info
+        if info is None:
+            if frames.ended:
+                self.status.refresh()
+            return
+        if not self._opened:
+            self._opened = True
+            rate = "" if info.capture_fps_metadata is None else f"{info.capture_fps_metadata:g} fps"
+            self._facts.text = self.say(
+                "facts",
+                width=info.width,
+                height=info.height,
+                frames=info.frames,
+                rate=rate or info.codec,
+            )
+            ui.run_javascript(f"visionViewer.open({json.dumps(self._viewer_config())})")
+        elif frames.ended and frames.ready != info.frames:
+            ui.run_javascript(f"visionViewer.frames({frames.ready})")
+
+    def _viewer_config(self) -> dict[str, Any]:
+        info, say = self.clip.frames.info, self.say
+        assert info is not None
+        names = ("stage", "timeline", "frame", "back", "forward", "play", "larger", "smaller")
+        return {
+            "host": "#viewer",
+            "clip": self.clip.number,
+            "width": info.width,
+            "height": info.height,
+            "frames": info.frames,
+            "marks": self._marks_url,
+            "words": {
+                **{name: say(name) for name in names},
+                "objects": {name: say(name) for name in ("ball", "pendulum")},
+                "events": {name: say(name) for name in ("contact", "landing", "begins", "ends")},
+            },
+        }
+
+
+def copy_card(say: Say, command: str, python: str) -> None:
+    """A card with the same work as a command and in Python, each with a button to copy it."""
+    with ui.column().classes("va-card va-hidden-in-print").props("data-test=repeats"):
+        for key, text in (("as_command", command), ("as_python", python)):
+            with ui.row().classes("w-full items-center justify-between"):
+                ui.label(say(key)).classes("va-label")
+
+                def copy(text: str = text) -> None:
+                    ui.clipboard.write(text)
+                    ui.notify(say("copied"))
+
+                button = ui.button(say("copy"), on_click=copy)
+                button.props(f'flat dense aria-label="{say("copy")}: {say(key)}"')
+            with ui.element("pre").classes("va-code").props(f"data-test={key}"):
+                ui.label(text)

@@ -1,0 +1,78 @@
+"""Command `vision app`: open the page in the browser."""
+
+import os
+import sys
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from metrology import UsageError
+from pipelines.processes import Terminated
+
+__all__ = ["announce", "app_command"]
+
+
+def app_command(
+    place: Annotated[
+        Path | None, typer.Argument(metavar="CLIP", help="A clip; without one, choose.")
+    ] = None,
+    language: Annotated[
+        str | None, typer.Option("--language", help="en or de; default: of the system.")
+    ] = None,
+    browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
+    port: Annotated[int, typer.Option(help="Port of the page; 0: any free one.", min=0)] = 0,
+) -> None:
+    """Open the page: measure a clip, see everything, correct by dragging.
+
+    It is served to this computer only. Example: vision app strike.mp4
+    """
+    if place is not None and not place.exists():
+        raise UsageError(f"there is no file {place}", hint="Check the name and the folder.")
+    # import here: NiceGUI takes a second, which other commands must not pay
+    from pipelines.app.session import AppSession
+    from pipelines.app.shell import serve_page
+    from pipelines.app.words import LANGUAGES, users_language
+
+    if language is not None and language not in LANGUAGES:
+        raise UsageError(f"no language {language!r}", hint=f"Pass {' or '.join(LANGUAGES)}.")
+    session = AppSession(language or users_language())
+    session.measurer.start()
+    if place is not None:
+        session.open_clip(place.absolute())
+    try:
+        serve_page(session, lambda address: announce(address, browser=browser), port=port)
+    except KeyboardInterrupt as stop:
+        session.end()
+        _leave(143 if isinstance(stop, Terminated) else 130)
+        raise
+    session.end()
+
+
+def announce(address: str, *, browser: bool) -> None:
+    """Open the browser, or print how to."""
+    shown = browser and _has_display() and webbrowser.open(address)
+    typer.echo(f"The page is open at\n  {address}")
+    if shown:
+        typer.echo("Close its window when done, or press Ctrl-C.")
+    else:
+        port = address.split("/")[2].rpartition(":")[2]
+        typer.echo(
+            "Open this address in a browser on this machine (it works once). From another machine,"
+            f" run first: ssh -L {port}:127.0.0.1:{port} THIS_MACHINE. Ctrl-C ends it."
+        )
+    sys.stdout.flush()
+
+
+def _leave(code: int) -> None:
+    """Exit without waiting for threads that decode."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
+def _has_display() -> bool:
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

@@ -1,0 +1,347 @@
+"""Inputs and corrections of a clip, kept in a file next to it; undo and redo."""
+
+import math
+import shlex
+import sys
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import tomli_w
+
+from metrology import UsageError, parse_toml, read_small_text, write_text_whole
+from metrology.files import shown_path
+from pipelines.api.quantities import measure_options
+from pipelines.measure.chain import MeasureOptions
+from vision.finding.linking import MIN_FOUND_ROWS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = [
+    "ClipInputs",
+    "Corrections",
+    "History",
+    "ObjectMark",
+    "as_command",
+    "as_python",
+    "corrected_table",
+    "corrections_file",
+    "options_of",
+    "read_corrections",
+    "table_file",
+    "write_corrections",
+]
+
+MAX_MARKS = 10_000
+"""Marks of one clip (chosen: more than anybody sets by hand)."""
+
+_NEAR_RADII = 1.5
+"""Distance within which a mark is on a found object, radii of it (chosen)."""
+
+
+@dataclass(frozen=True)
+class ClipInputs:
+    """Inputs of a measurement as a person types them; empty ones are not given.
+
+    Attributes
+    ----------
+    fps, ball, wall_grid, scale, setup : str
+        Arguments of `vision measure`.
+    """
+
+    fps: str = ""
+    ball: str = ""
+    wall_grid: str = ""
+    scale: str = ""
+    setup: str = ""
+
+    def given(self) -> dict[str, str]:
+        """The inputs that are not empty, by name."""
+        held = {one.name: str(getattr(self, one.name)).strip() for one in fields(self)}
+        return {name: text for name, text in held.items() if text}
+
+
+@dataclass(frozen=True)
+class ObjectMark:
+    """Where an object is in a frame.
+
+    Attributes
+    ----------
+    frame : int
+        From 0.
+    x_px, y_px : float
+    moved : bool
+        Whether the outline of the measured object was dragged; else another object was selected.
+    """
+
+    frame: int
+    x_px: float
+    y_px: float
+    moved: bool = False
+
+
+@dataclass(frozen=True)
+class Corrections:
+    """Everything that a person entered for a clip.
+
+    Attributes
+    ----------
+    inputs : ClipInputs
+    ball : tuple of ObjectMark
+        In the order in which they were set.
+    mass : ObjectMark or None
+        On the pendulum's mass.
+    """
+
+    inputs: ClipInputs = field(default_factory=ClipInputs)
+    ball: tuple[ObjectMark, ...] = ()
+    mass: ObjectMark | None = None
+
+    def with_ball(self, mark: ObjectMark) -> "Corrections":
+        """With a mark on the ball, which replaces an earlier one in the same frame."""
+        kept = tuple(one for one in self.ball if one.frame != mark.frame)
+        return replace(self, ball=(*kept, mark))
+
+
+class History:
+    """Corrections with undo and redo.
+
+    Parameters
+    ----------
+    now : Corrections
+    """
+
+    def __init__(self, now: Corrections) -> None:
+        self._states = [now]
+        self._place = 0
+
+    @property
+    def now(self) -> Corrections:
+        """The present state."""
+        return self._states[self._place]
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is an earlier state."""
+        return self._place > 0
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether a state was undone."""
+        return self._place + 1 < len(self._states)
+
+    def change(self, corrections: Corrections) -> bool:
+        """Add a state; false if nothing differs."""
+        if corrections == self.now:
+            return False
+        del self._states[self._place + 1 :]
+        self._states.append(corrections)
+        self._place += 1
+        return True
+
+    def undo(self) -> bool:
+        """Go back; false if there is no earlier state."""
+        self._place -= int(moved := self.can_undo)
+        return moved
+
+    def redo(self) -> bool:
+        """Go forward again; false if nothing was undone."""
+        self._place += int(moved := self.can_redo)
+        return moved
+
+
+def corrections_file(clip: Path) -> Path:
+    """File of a clip's inputs and corrections."""
+    return clip.with_name(f"{clip.name}.corrections.toml")
+
+
+def table_file(clip: Path) -> Path:
+    """File of a clip's corrected tracklets, for `vision measure --from-tracks`."""
+    return clip.with_name(f"{clip.name}.corrected.csv")
+
+
+def read_corrections(path: Path) -> Corrections:
+    """Read the file; without one there are no corrections.
+
+    Raises
+    ------
+    UsageError
+        If it can't be read or its content is invalid.
+    """
+    if not path.exists():
+        return Corrections()
+    name = shown_path(path)
+    document = parse_toml(read_small_text(path, what="the corrections"), name)
+    unknown = document.keys() - {"inputs", "ball", "mass"}
+    known = {one.name for one in fields(ClipInputs)}
+    inputs = document.get("inputs", {})
+    if not isinstance(inputs, dict):
+        raise _wrong(name, "inputs is no table")
+    unknown |= inputs.keys() - known
+    if unknown:
+        raise _wrong(name, f"{min(unknown)} is not known")
+    if wrong := [key for key, text in inputs.items() if not isinstance(text, str)]:
+        raise _wrong(name, f"{wrong[0]} is not in quotes")
+    ball, mass = document.get("ball", []), document.get("mass")
+    if not isinstance(ball, list) or len(ball) > MAX_MARKS:
+        raise _wrong(name, "ball is no list of marks")
+    marks = tuple(_mark(name, f"[[ball]] number {k}", one) for k, one in enumerate(ball, 1))
+    return Corrections(
+        ClipInputs(**inputs), marks, None if mass is None else _mark(name, "[mass]", mass)
+    )
+
+
+def _mark(name: str, place: str, held: Any) -> ObjectMark:
+    if not isinstance(held, dict) or not held.keys() <= {"frame", "x_px", "y_px", "moved"}:
+        raise _wrong(name, f"{place} needs frame, x_px and y_px")
+    frame, x, y = (held.get(key, "missing") for key in ("frame", "x_px", "y_px"))
+    if type(frame) is not int or not 0 <= frame < 2**31:
+        raise _wrong(name, f"{place}: frame is {frame!r}, not a whole number from 0")
+    for key, value in (("x_px", x), ("y_px", y)):
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not number or not math.isfinite(value):
+            raise _wrong(name, f"{place}: {key} is {value!r}, not a number of pixels")
+    return ObjectMark(frame, float(x), float(y), held.get("moved") is True)
+
+
+def _wrong(name: str, what: str) -> UsageError:
+    return UsageError(
+        f"{name}: {what}",
+        hint="Correct the file, or delete it to begin without corrections.",
+    )
+
+
+def write_corrections(path: Path, corrections: Corrections) -> None:
+    """Write the file, completely or not at all; without corrections remove it.
+
+    Raises
+    ------
+    OutputError
+        If it can't be written.
+    """
+    if corrections == Corrections():
+        path.unlink(missing_ok=True)
+        return
+
+    def table(mark: ObjectMark) -> dict[str, Any]:
+        moved = {"moved": True} if mark.moved else {}
+        return {"frame": mark.frame, "x_px": mark.x_px, "y_px": mark.y_px, **moved}
+
+    document: dict[str, Any] = {"inputs": corrections.inputs.given()}
+    if corrections.mass is not None:
+        document["mass"] = table(corrections.mass)
+    document["ball"] = [table(mark) for mark in corrections.ball]
+    text = "# Written by vision app. Positions in px, frames count from 0.\n"
+    write_text_whole(path, text + tomli_w.dumps(document))
+
+
+def corrected_table(
+    candidates: "pd.DataFrame | None", marks: tuple[ObjectMark, ...]
+) -> "pd.DataFrame | None":
+    """Tracklets with the marks on the ball entered; None if they do not determine any.
+
+    A mark on a found object selects it. A dragged outline replaces the position in its frame.
+
+    Parameters
+    ----------
+    candidates : DataFrame or None
+        Tracklets found in the clip, as `vision measure --tracklets` writes them.
+    marks : tuple of ObjectMark
+    """
+    if candidates is None or not marks or not len(candidates):
+        return None
+    table = candidates.copy()
+    pointed = [mark for mark in marks if not mark.moved]
+    if pointed:
+        number = _tracklet_at(table, pointed[-1])
+        if number is None:
+            return None
+        table["measured"] = (table["tracklet"] == number).astype(int)
+    if int(table["measured"].sum()) < MIN_FOUND_ROWS:
+        return None
+    for mark in marks:
+        if mark.moved:
+            table = _with_place(table, mark)
+    return table.sort_values(["tracklet", "frame"], ignore_index=True)
+
+
+def _tracklet_at(table: "pd.DataFrame", mark: ObjectMark) -> int | None:
+    rows = table[table["frame"] == mark.frame]
+    if not len(rows):
+        return None
+    far = np.hypot(rows["x_px"] - mark.x_px, rows["y_px"] - mark.y_px) / rows["radius_px"]
+    nearest = int(np.argmin(far))
+    return int(rows["tracklet"].iloc[nearest]) if far.iloc[nearest] <= _NEAR_RADII else None
+
+
+def _with_place(table: "pd.DataFrame", mark: ObjectMark) -> "pd.DataFrame":
+    """The measured object at another position in one frame."""
+    import pandas as pd
+
+    own = table["measured"] == 1
+    there = own & (table["frame"] == mark.frame)
+    if there.any():
+        table.loc[there, ["x_px", "y_px"]] = mark.x_px, mark.y_px
+        return table
+    middle = table.loc[own].select_dtypes("number").median()
+    row = table.loc[own].iloc[[0]].assign(**{str(name): one for name, one in middle.items()})
+    row = row.assign(frame=mark.frame, x_px=mark.x_px, y_px=mark.y_px, measured=1)
+    row["tracklet"] = table.loc[own, "tracklet"].iloc[0]
+    return pd.concat([table, row.astype(table.dtypes.to_dict())], ignore_index=True)
+
+
+def _points(corrections: Corrections, corrected: bool) -> dict[str, str]:
+    """Points as options; those on the ball where no corrected table holds them."""
+    points = {}
+    if corrections.ball and not corrected:
+        points["ball_at"] = _point(corrections.ball[-1])
+    if corrections.mass is not None:
+        points["mass_at"] = _point(corrections.mass)
+    return points
+
+
+def _point(mark: ObjectMark) -> str:
+    return f"{mark.x_px:g},{mark.y_px:g},{mark.frame}"
+
+
+def options_of(clip: Path, corrections: Corrections, *, corrected: bool) -> MeasureOptions:
+    """Options of the measurement; `corrected` if a corrected table holds the marks on the ball.
+
+    A relative path of the setup starts at the clip's folder.
+
+    Raises
+    ------
+    UsageError
+        If an input is invalid.
+    """
+    given: dict[str, Any] = {**corrections.inputs.given(), **_points(corrections, corrected)}
+    if "setup" in given:
+        given["setup"] = clip.parent / given["setup"]
+    return measure_options(**given, cache=True)
+
+
+def as_command(clip: Path, corrections: Corrections, *, corrected: bool) -> str:
+    """The same measurement as a command."""
+    words = ["vision", "measure", str(clip)]
+    given = {**corrections.inputs.given(), **_points(corrections, corrected)}
+    for name, text in given.items():
+        shown = str(clip.parent / text) if name == "setup" else text
+        words += [f"--{name.replace('_', '-')}", shown]
+    if corrected:
+        words += ["--from-tracks", str(table_file(clip))]
+    if sys.platform == "win32":
+        return " ".join(f'"{word}"' if " " in word else word for word in words)
+    return shlex.join(words)
+
+
+def as_python(clip: Path, corrections: Corrections, *, corrected: bool) -> str:
+    """The same measurement in Python."""
+    given: dict[str, str] = {**corrections.inputs.given(), **_points(corrections, corrected)}
+    if "setup" in given:
+        given["setup"] = str(clip.parent / given["setup"])
+    if corrected:
+        given["tracklets"] = str(table_file(clip))
+    arguments = "".join(f", {name}={text!r}" for name, text in given.items())
+    return f"import impact_vision as iv\n\nm = iv.measure({str(clip)!r}{arguments})\nprint(m)"

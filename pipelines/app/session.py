@@ -1,0 +1,244 @@
+"""State of the page: the open clip, its corrections and its measurement."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from threading import RLock
+from typing import TYPE_CHECKING, Any
+
+from metrology import ImpactVisionError, write_text_whole
+from pipelines.app.corrections import (
+    ClipInputs,
+    Corrections,
+    History,
+    ObjectMark,
+    as_command,
+    as_python,
+    corrected_table,
+    corrections_file,
+    options_of,
+    read_corrections,
+    table_file,
+    write_corrections,
+)
+from pipelines.app.figures import Figure, figures_of
+from pipelines.app.frames import FrameStore
+from pipelines.app.graphs import Graph, graphs_of
+from pipelines.app.marks import marks_of
+from pipelines.app.worker import ClipAnswer, Measurer
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pipelines.measure.measurement import ClipMeasurement
+
+__all__ = ["AppSession", "ClipSession"]
+
+
+class ClipSession:
+    """An open clip: frames, corrections and the newest measurement.
+
+    Parameters
+    ----------
+    path : Path
+    number : int
+        Distinguishes the clips opened in one session, for the addresses of their frames.
+    measurer : Measurer
+
+    Attributes
+    ----------
+    measured : ClipMeasurement or None
+    figures, graphs : tuple
+        Its numbers and graphs.
+    problem : str
+        Why nothing was measured; empty otherwise.
+    unsaved : str
+        Why the corrections could not be read or saved; empty otherwise.
+    step, part : str, float
+        What is being done, and its completed fraction; no step if nothing is.
+    revision : int
+        Increases with every change of these.
+    """
+
+    def __init__(self, path: Path, number: int, measurer: Measurer) -> None:
+        self.path, self.number = path, number
+        self.frames = FrameStore(path)
+        self.measured: ClipMeasurement | None = None
+        self.figures: tuple[Figure, ...] = ()
+        self.graphs: tuple[Graph, ...] = ()
+        self.problem = self.unsaved = self.step = ""
+        self.part = 0.0
+        self.revision = 0
+        self._measurer = measurer
+        self._task = 0
+        self._candidates: pd.DataFrame | None = None
+        self._shown: pd.DataFrame | None = None
+        self._lock = RLock()
+        file = corrections_file(path)
+        self._readable = True
+        try:
+            now = read_corrections(file)
+        except ImpactVisionError as problem:
+            now, self.unsaved, self._readable = Corrections(), problem.in_one_line, False
+        if now == Corrections() and (setup := setup_beside(path)) is not None:
+            now = Corrections(ClipInputs(setup=setup.name))
+        self.history = History(now)
+
+    @property
+    def corrections(self) -> Corrections:
+        """The present ones."""
+        return self.history.now
+
+    @property
+    def busy(self) -> bool:
+        """Whether it is being measured."""
+        return bool(self.step)
+
+    def begin(self) -> None:
+        """Measure it with the present inputs and corrections."""
+        with self._lock:
+            corrections = self.corrections
+            self.problem = ""
+            try:
+                table = self._table()
+                options = options_of(self.path, corrections, corrected=table is not None)
+            except ImpactVisionError as problem:
+                self._task, self.step, self.problem = -1, "", problem.in_one_line
+            else:
+                self.step, self.part = "starting", 0.0
+                self._task = self._measurer.measure(self.path, options, table)
+            self.revision += 1
+
+    def change(self, corrections: Corrections) -> None:
+        """Take over other inputs or corrections, save them and measure again."""
+        if self.history.change(corrections):
+            self._changed()
+
+    def undo(self) -> None:
+        """Return to the state before the last change."""
+        if self.history.undo():
+            self._changed()
+
+    def redo(self) -> None:
+        """Repeat the change that was undone."""
+        if self.history.redo():
+            self._changed()
+
+    def mark(self, kind: str, frame: int, x: float, y: float, *, moved: bool) -> None:
+        """Mark the ball or the mass in a frame; `moved` if its outline was dragged there."""
+        mark = ObjectMark(
+            int(frame), round(float(x), 2), round(float(y), 2), moved and kind == "ball"
+        )
+        now = self.corrections
+        self.change(replace(now, mass=mark) if kind == "mass" else now.with_ball(mark))
+
+    def take(self, answer: ClipAnswer) -> None:
+        """Take over what the measuring process reports."""
+        measured = answer.measured
+        figures = () if measured is None else figures_of(measured)
+        graphs = () if measured is None else graphs_of(measured)
+        with self._lock:
+            if answer.number != self._task:
+                return
+            self.step, self.part = ("", 1.0) if answer.done else (answer.step, answer.part)
+            if answer.done:
+                self.problem = answer.problem
+                if measured is not None or answer.candidates is not None:
+                    self.measured, self.figures, self.graphs = measured, figures, graphs
+                    self._shown = answer.candidates
+                # with corrections the answer holds the corrected objects, not those found
+                if answer.candidates is not None and not self.corrections.ball:
+                    self._candidates = answer.candidates
+            self.revision += 1
+
+    def as_command(self) -> str:
+        """The same measurement as a command."""
+        return as_command(self.path, self.corrections, corrected=self._table() is not None)
+
+    def as_python(self) -> str:
+        """The same measurement in Python."""
+        return as_python(self.path, self.corrections, corrected=self._table() is not None)
+
+    def marks(self) -> dict[str, Any]:
+        """Outlines, events and found objects for the viewer."""
+        with self._lock:
+            return marks_of(self.measured, self._shown)
+
+    def close(self) -> None:
+        """Release frames."""
+        self.frames.close()
+
+    def _table(self) -> "pd.DataFrame | None":
+        found = self._candidates if self._candidates is not None else self._shown
+        return corrected_table(found, self.corrections.ball)
+
+    def _changed(self) -> None:
+        self._save()
+        self.begin()
+
+    def _save(self) -> None:
+        """Write the corrections, and the table that the same command reads."""
+        file = corrections_file(self.path)
+        try:
+            if not self._readable:
+                # what a person wrote there is kept
+                file.replace(file.with_name(f"{file.name}.old"))
+                self._readable = True
+            write_corrections(file, self.corrections)
+            table = self._table()
+            if table is not None:
+                text = table.to_csv(index=False, lineterminator="\n", float_format="%.6g")
+                write_text_whole(table_file(self.path), text)
+            self.unsaved = ""
+        except (ImpactVisionError, OSError) as problem:
+            self.unsaved = getattr(problem, "in_one_line", str(problem))
+
+
+def setup_beside(clip: Path) -> Path | None:
+    """Set-up file of the same name next to a clip: ``strike.toml`` of ``strike.mp4``."""
+    own = clip.with_suffix(".toml")
+    return own if own.is_file() else None
+
+
+class AppSession:
+    """State of the whole page, shared by reloads.
+
+    Parameters
+    ----------
+    language : str
+
+    Attributes
+    ----------
+    page : str
+        "open", "clip", …
+    clip : ClipSession or None
+    """
+
+    def __init__(self, language: str = "en") -> None:
+        self.language = language
+        self.dark: bool | None = None
+        self.page = "open"
+        self.clip: ClipSession | None = None
+        self.measurer = Measurer(self._take)
+        self.stop: Callable[[], None] = lambda: None
+        self._opened = 0
+
+    def open_clip(self, path: Path) -> ClipSession:
+        """Open a clip and measure it; another open one is closed."""
+        if self.clip is not None:
+            self.clip.close()
+        self._opened += 1
+        self.clip = ClipSession(path, self._opened, self.measurer)
+        self.page = "clip"
+        self.clip.begin()
+        return self.clip
+
+    def end(self) -> None:
+        """Stop measuring and remove temporary files."""
+        self.measurer.stop()
+        if self.clip is not None:
+            self.clip.close()
+
+    def _take(self, answer: ClipAnswer) -> None:
+        if self.clip is not None:
+            self.clip.take(answer)

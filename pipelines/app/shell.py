@@ -1,0 +1,221 @@
+"""Frame of the page: head line, pages, addresses of frames, style and server."""
+
+import json
+from collections.abc import Callable
+from importlib.resources import files
+from typing import Any
+
+from fastapi import FastAPI, HTTPException, Response
+from fastapi.responses import JSONResponse
+from nicegui import ui
+from nicegui.events import GenericEventArguments
+
+from pipelines.app.clip_page import ClipPage
+from pipelines.app.session import AppSession
+from pipelines.app.words import LANGUAGES, Say, says
+from pipelines.web import GRACE_S, serve_app
+
+__all__ = ["AppWindow", "app_of", "serve_page"]
+
+WAIT_FOR_FRAME_S = 4.0
+"""s that a request waits for a frame that is not decoded yet (chosen: the browser asks again)."""
+
+_KEPT = {"cache-control": "private, max-age=86400, immutable"}
+_FRESH = {"cache-control": "no-store"}
+
+
+class AppWindow:
+    """One window; a reload builds another one from the same session.
+
+    Parameters
+    ----------
+    session : AppSession
+    """
+
+    def __init__(self, session: AppSession) -> None:
+        self.session = session
+        self._page: ClipPage | None = None
+
+    @property
+    def say(self) -> Say:
+        """Texts of the chosen language."""
+        return says(self.session.language)
+
+    def build(self) -> None:
+        """Lay the page out."""
+        ui.add_head_html('<link rel="stylesheet" href="/app/style.css">')
+        ui.add_body_html('<script src="/app/viewer.js"></script>')
+        ui.add_body_html(f"<script>{_NAVIGATION}</script>")
+        ui.page_title(self.say("title"))
+        self._dark = ui.dark_mode(self.session.dark)
+        ui.on("vision_page", lambda event: self.go(str(event.args)))
+        for name in ("moved", "pointed", "undo", "redo"):
+            ui.on(f"vision_{name}", lambda event, name=name: self._on_viewer(name, event))
+        with ui.column().classes("w-full gap-0"):
+            self.head()
+            with ui.element("main").classes("w-full"):
+                self.content()
+
+    @ui.refreshable_method
+    def head(self) -> None:
+        """Links to the pages, language, light or dark."""
+        say, session = self.say, self.session
+        with ui.row().classes("va-top va-hidden-in-print"):
+            with ui.element("nav").props(f'aria-label="{say("pages")}"'):
+                for name in pages_of(session):
+                    current = "page" if name == session.page else "false"
+                    link = ui.element("a").props(
+                        f'href="#{name}" aria-current={current} data-test="page-{name}"'
+                    )
+                    with link:
+                        ui.label(say(name))
+            ui.space()
+            language = ui.select(LANGUAGES, value=session.language, on_change=self._speak)
+            language.props(f'dense borderless aria-label="{say("language")}" data-test=language')
+            dark = ui.switch(say("dark"), value=bool(session.dark), on_change=self._darken)
+            dark.props("dense data-test=dark")
+            ui.button(say("close"), on_click=self._quit).props("flat dense data-test=quit")
+
+    @ui.refreshable_method
+    def content(self) -> None:
+        """The page itself."""
+        session, say = self.session, self.say
+        self._page = None
+        if session.page == "clip" and session.clip is not None:
+            self._page = ClipPage(session, session.clip, say)
+            self._page.build()
+        else:
+            with ui.column().classes("va-page"), ui.column().classes("va-card"):
+                ui.label(say("no_clip"))
+
+    def go(self, page: str) -> None:
+        """Show another page."""
+        if page in pages_of(self.session) and page != self.session.page:
+            self.session.page = page
+            self.show()
+
+    def show(self) -> None:
+        """Draw head and page anew, and name the page in the address."""
+        self.head.refresh()
+        self.content.refresh()
+        ui.run_javascript(f"visionShow({json.dumps(self.session.page)})")
+
+    def _on_viewer(self, name: str, event: GenericEventArguments) -> None:
+        if self._page is not None:
+            self._page.on_viewer(name, event.args if isinstance(event.args, dict) else {})
+
+    def _speak(self, event: Any) -> None:
+        self.session.language = event.value
+        self.show()
+
+    def _darken(self, event: Any) -> None:
+        self.session.dark = bool(event.value)
+        self._dark.set_value(self.session.dark)
+        ui.run_javascript("visionViewer.repaint()")
+
+    def _quit(self) -> None:
+        text = json.dumps(self.say("closed"))
+        ui.run_javascript(
+            f"document.body.replaceChildren(document.createElement('p'));"
+            f"document.body.firstChild.textContent = {text};"
+        )
+        ui.timer(0.3, self.session.stop, once=True)
+
+
+_NAVIGATION = """
+window.visionShow = page => {
+  if (location.hash !== "#" + page) history.pushState(null, "", "#" + page);
+};
+window.addEventListener("hashchange", () => emitEvent("vision_page", location.hash.slice(1)));
+window.addEventListener("popstate", () => emitEvent("vision_page", location.hash.slice(1)));
+window.addEventListener("beforeunload", () => navigator.sendBeacon("/leaving"));
+"""
+"""The address names the page, so that the browser's back and forward work."""
+
+
+def pages_of(session: AppSession) -> tuple[str, ...]:
+    """Pages that can be shown now."""
+    return ("clip",) if session.clip is not None else ()
+
+
+def app_of(session: AppSession) -> FastAPI:
+    """Web application: the page, its style and script, frames and marks of the open clip.
+
+    Parameters
+    ----------
+    session : AppSession
+    """
+    app = FastAPI(openapi_url=None)
+    own = {
+        name: (files("pipelines.app").joinpath(name).read_bytes(), kind)
+        for name, kind in (("style.css", "text/css"), ("viewer.js", "text/javascript"))
+    }
+
+    @app.get("/app/{name}")
+    def asset(name: str) -> Response:
+        if name not in own:
+            raise HTTPException(404)
+        content, kind = own[name]
+        return Response(content, media_type=kind, headers=_FRESH)
+
+    @app.get("/frame/{number}/{index}")
+    def frame(number: int, index: int) -> Response:
+        clip = session.clip
+        content = None
+        if clip is not None and clip.number == number:
+            content = clip.frames.jpeg(index, WAIT_FOR_FRAME_S)
+        if content is None:
+            raise HTTPException(404)
+        return Response(content, media_type="image/jpeg", headers=_KEPT)
+
+    @app.get("/marks/{number}/{revision}")
+    def marks(number: int, revision: int) -> JSONResponse:
+        clip = session.clip
+        if clip is None or clip.number != number:
+            raise HTTPException(404)
+        return JSONResponse(clip.marks(), headers=_FRESH)
+
+    return app
+
+
+def serve_page(
+    session: AppSession,
+    opened: Callable[[str], None],
+    *,
+    port: int = 0,
+    grace_s: float = GRACE_S,
+) -> None:
+    """Serve the page until its window is closed or the program is interrupted.
+
+    Parameters
+    ----------
+    session : AppSession
+    opened : callable
+        Called with the address once it is served.
+    port : int
+        0 for any free one.
+    grace_s : float
+        Time the page may be closed before the program ends, s.
+
+    Raises
+    ------
+    UsageError
+        If the port is in use.
+    KeyboardInterrupt
+        If the user interrupts.
+    """
+    app = app_of(session)
+    ui.run_with(
+        app,
+        root=lambda: AppWindow(session).build(),
+        title="Impact vision",
+        dark=None,
+        show_welcome_message=False,
+    )
+
+    def take(stop: Callable[[], None]) -> None:
+        session.stop = stop
+
+    serve_app(
+        app, opened, port=port, grace_s=grace_s, stopper=take, what="page", command="vision app"
+    )

@@ -1,0 +1,171 @@
+"""All texts of the page in one catalogue: English, and German as second language."""
+
+import os
+from collections.abc import Callable
+
+from pipelines.report.inputs import quantity_label
+
+__all__ = ["LANGUAGES", "Say", "label_of", "says", "users_language"]
+
+LANGUAGES = {"en": "English", "de": "Deutsch"}
+"""Languages by code."""
+
+Say = Callable[..., str]
+"""Text of a key; values fill its gaps."""
+
+_TEXTS: dict[str, tuple[str, str]] = {
+    "title": ("Impact vision", "Impact vision"),
+    "open": ("Open", "Öffnen"),
+    "clip": ("Clip", "Aufnahme"),
+    "setup": ("Set up", "Einrichten"),
+    "folder": ("Folder", "Ordner"),
+    "why": ("Why", "Warum"),
+    "export": ("Export", "Ausgeben"),
+    "pages": ("Pages", "Seiten"),
+    "language": ("Language", "Sprache"),
+    "dark": ("Dark", "Dunkel"),
+    "no_clip": ("No clip is open.", "Keine Aufnahme ist geöffnet."),
+    "opening": ("Opening the clip …", "Die Aufnahme wird geöffnet …"),
+    "measuring": ("Measuring: {step}", "Messung: {step}"),
+    "facts": (
+        "{width} × {height} px, {frames} frames, {rate}",
+        "{width} × {height} px, {frames} Bilder, {rate}",
+    ),
+    "stage": (
+        "Frame. Arrow keys step, Shift steps by ten, plus and minus zoom. Drag an outline to"
+        " correct it.",
+        "Bild. Pfeiltasten blättern, mit Umschalt um zehn, Plus und Minus vergrößern. Einen Umriss"
+        " zum Korrigieren ziehen.",
+    ),
+    "timeline": ("Frame number", "Bildnummer"),
+    "frame": ("frame", "Bild"),
+    "back": ("Previous frame", "Voriges Bild"),
+    "forward": ("Next frame", "Nächstes Bild"),
+    "play": ("Play or pause", "Abspielen oder anhalten"),
+    "larger": ("Zoom in", "Vergrößern"),
+    "smaller": ("Zoom out", "Verkleinern"),
+    "ball": ("ball", "Ball"),
+    "pendulum": ("pendulum", "Pendel"),
+    "contact": ("contact", "Kontakt"),
+    "landing": ("landing", "Landung"),
+    "begins": ("motion begins", "Bewegung beginnt"),
+    "ends": ("motion ends", "Bewegung endet"),
+    "this_ball": ("This is the ball", "Das ist der Ball"),
+    "this_mass": ("This is the pendulum", "Das ist das Pendel"),
+    "point_at": (
+        "Click it in the frame, or move the cross with the arrow keys and press Enter. Esc ends.",
+        "Im Bild anklicken, oder das Kreuz mit Pfeiltasten bewegen und Enter drücken. Esc beendet.",
+    ),
+    "show_found": ("Show all found objects", "Alle gefundenen Objekte zeigen"),
+    "undo": ("Undo", "Rückgängig"),
+    "redo": ("Redo", "Wiederholen"),
+    "results": ("Results", "Ergebnisse"),
+    "motion": ("Motion: {kind}, probability {p}", "Bewegung: {kind}, Wahrscheinlichkeit {p}"),
+    "sound": ("no contradiction found", "kein Widerspruch gefunden"),
+    "assumed": ("assumed: {why}", "angenommen: {why}"),
+    "contradicted": ("contradicted by: {why}", "Widerspruch: {why}"),
+    "missing": ("not measured: {why}", "nicht gemessen: {why}"),
+    "made_of": ("What is this ± made of?", "Woraus besteht dieses ±?"),
+    "more": ("All {count} quantities", "Alle {count} Größen"),
+    "messages": ("Messages", "Meldungen"),
+    "inputs": ("Inputs", "Eingaben"),
+    "fps": ("Capture rate", "Bildrate"),
+    "ball_input": ("Ball or diameter", "Ball oder Durchmesser"),
+    "wall_grid": ("Wall grid", "Wandraster"),
+    "scale": ("Scale", "Maßstab"),
+    "setup_input": ("Set-up file", "Einrichtungsdatei"),
+    "inputs_note": (
+        "Distances, the pendulum and the air are in the set-up file.",
+        "Abstände, Pendel und Luft stehen in der Einrichtungsdatei.",
+    ),
+    "measure": ("Measure", "Messen"),
+    "as_command": ("The same as a command", "Dasselbe als Befehl"),
+    "as_python": ("The same in Python", "Dasselbe in Python"),
+    "copy": ("Copy", "Kopieren"),
+    "copied": ("Copied", "Kopiert"),
+    "marks": ("Corrections: {count}", "Korrekturen: {count}"),
+    "reset": ("Remove all corrections", "Alle Korrekturen entfernen"),
+    "no_numbers": (
+        "Nothing is measured yet. What would help: {question}",
+        "Noch ist nichts gemessen. Das würde helfen: {question}",
+    ),
+    "which_ball": (
+        "which of the found objects is the ball? Choose “This is the ball” and click it.",
+        "welches der gefundenen Objekte ist der Ball? „Das ist der Ball“ wählen und anklicken.",
+    ),
+    "graphs": ("Graphs", "Diagramme"),
+    "graphs_note": (
+        "A click goes to that frame. The wheel zooms, dragging moves.",
+        "Ein Klick geht zu diesem Bild. Das Rad vergrößert, Ziehen verschiebt.",
+    ),
+    "path": ("Path", "Bahn"),
+    "position": ("Position", "Ort"),
+    "speed": ("Speed", "Geschwindigkeit"),
+    "gap": ("Gap between pendulum and ball", "Spalt zwischen Pendel und Ball"),
+    "angle": ("Angle of the pendulum", "Winkel des Pendels"),
+    "closed": (
+        "The page is closed. You can close this window.",
+        "Die Seite ist beendet. Dieses Fenster kann geschlossen werden.",
+    ),
+    "close": ("Quit", "Beenden"),
+    "not_saved": ("The corrections are not saved: {why}", "Nicht gespeichert: {why}"),
+}
+
+_LABELS = {
+    "contact_frames": "Bilder mit Kontakt",
+    "contact_time": "Kontaktzeit Δt",
+    "contact_start": "Kontakt beginnt",
+    "contact_end": "Kontakt endet",
+    "pendulum_speed_before": "Pendelgeschwindigkeit davor",
+    "pendulum_speed_after": "Pendelgeschwindigkeit danach",
+    "ball_speed": "Ballgeschwindigkeit beim Ablösen",
+    "launch_angle": "Abflugwinkel",
+    "landing_distance": "Wurfweite, korrigiert",
+    "landing_distance_on_wall": "Wurfweite, an der Wand abgelesen",
+    "landing_time": "Zeit vom Kontakt bis zur Landung",
+    "cor_speeds": "Stoßzahl aus den Geschwindigkeiten (Gl. 2)",
+    "cor_launch": "Stoßzahl aus dem Abflug (Gl. 9–10)",
+    "cor_range": "Stoßzahl aus der Wurfweite (Gl. 17)",
+    "cor": "Stoßzahl, Mittel der Schätzungen",
+    "external_impulse": "äußerer Kraftstoß auf den Ball",
+    "energy_loss": "Energieverlust des Pendels (Gl. 18)",
+    "backswing_angle": "Ausholwinkel",
+    "ball_plane_offset": "Ballebene vor der Wand",
+    "camera_distance": "Abstand Kamera–Wand",
+    "fall_acceleration": "Fallbeschleunigung",
+    "flight_speed": "Geschwindigkeit im ersten Bild des Flugs",
+    "flight_angle": "Winkel im ersten Bild des Flugs",
+    "swing_period": "Schwingungsdauer",
+    "swing_damping": "Dämpfung der Schwingung",
+}
+
+
+def says(language: str) -> Say:
+    """Function that gives the texts of a language.
+
+    Parameters
+    ----------
+    language : str
+        A key of `LANGUAGES`.
+    """
+    place = list(LANGUAGES).index(language)
+
+    def say(key: str, **values: object) -> str:
+        return _TEXTS[key][place].format(**values)
+
+    return say
+
+
+def label_of(name: str, language: str) -> str:
+    """Label of a quantity."""
+    own = _LABELS.get(name) if language == "de" else None
+    return own or quantity_label(name)
+
+
+def users_language() -> str:
+    """Language of the user's system if there is a catalogue for it, else English."""
+    for name in ("LC_ALL", "LC_MESSAGES", "LANG"):
+        if text := os.environ.get(name):
+            code = text[:2].lower()
+            return code if code in LANGUAGES else "en"
+    return "en"

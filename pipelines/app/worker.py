@@ -1,0 +1,210 @@
+"""Measure clips in a separate process, with progress; the newest task counts."""
+
+import multiprocessing
+import os
+import signal
+import sys
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from threading import Lock, Thread
+from typing import TYPE_CHECKING, Any
+
+from metrology import ImpactVisionError, NotFoundError
+from pipelines.measure.chain import MeasureOptions, measure_clip
+from pipelines.processes import end_with_parent
+from vision.stages import candidate_table, detect, given_objects, link
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pipelines.measure.measurement import ClipMeasurement
+
+__all__ = ["ClipAnswer", "Measurer", "Task"]
+
+# Forked copies of the threads of OpenCV and of the server hang; a fresh interpreter does not.
+_FRESH = multiprocessing.get_context("spawn")
+
+
+@dataclass(frozen=True)
+class Task:
+    """A clip to measure.
+
+    Attributes
+    ----------
+    number : int
+        Increasing.
+    clip : Path
+    options : MeasureOptions
+    corrected : DataFrame or None
+        Tracklets in place of those found.
+    """
+
+    number: int
+    clip: Path
+    options: MeasureOptions
+    corrected: "pd.DataFrame | None" = None
+
+
+@dataclass(frozen=True)
+class ClipAnswer:
+    """What the process reports.
+
+    Attributes
+    ----------
+    number : int
+        Of the task.
+    step : str
+        What is being done.
+    part : float
+        Completed fraction of it.
+    measured : ClipMeasurement or None
+    candidates : DataFrame or None
+        Tracklets found, also where none could be measured.
+    problem : str
+        Why nothing was measured.
+    done : bool
+    """
+
+    number: int
+    step: str = ""
+    part: float = 0.0
+    measured: "ClipMeasurement | None" = None
+    candidates: "pd.DataFrame | None" = None
+    problem: str = ""
+    done: bool = True
+
+
+class Measurer:
+    """A process that measures; it starts with the first task and stays ready for the next.
+
+    Parameters
+    ----------
+    on_answer : callable
+        Called on a thread with each `ClipAnswer` to the newest task.
+    """
+
+    def __init__(self, on_answer: Callable[[ClipAnswer], None]) -> None:
+        self._on_answer = on_answer
+        self._lock = Lock()
+        self._pipe: Connection | None = None
+        self._process: Any = None
+        self._number = 0
+
+    def start(self) -> None:
+        """Start the process, so that the first task need not wait for it."""
+        with self._lock:
+            if self._process is not None and self._process.is_alive():
+                return
+            self._pipe, theirs = _FRESH.Pipe()
+            self._process = _FRESH.Process(target=_serve, args=(theirs,), daemon=True)
+            self._process.start()
+            theirs.close()
+            Thread(target=self._listen, args=(self._pipe,), daemon=True).start()
+
+    def measure(
+        self, clip: Path, options: MeasureOptions, corrected: "pd.DataFrame | None" = None
+    ) -> int:
+        """Measure a clip instead of what is being measured; return the task's number."""
+        self.start()
+        with self._lock:
+            self._number += 1
+            task = Task(self._number, clip, options, corrected)
+            assert self._pipe is not None
+            # a dead process is noticed by the thread that listens
+            with suppress(OSError):
+                self._pipe.send(task)
+            return task.number
+
+    def stop(self) -> None:
+        """Abandon the task, if there is one."""
+        with self._lock:
+            self._number += 1
+            if self._process is not None:
+                self._process.terminate()
+                self._process.join()
+                self._process = None
+
+    def _listen(self, pipe: Connection) -> None:
+        while True:
+            try:
+                answer = pipe.recv()
+            except (EOFError, OSError):
+                break
+            self._pass_on(answer)
+        with self._lock:
+            ours = pipe is self._pipe
+        if ours:
+            problem = "The measuring process ended unexpectedly. Measure again."
+            self._pass_on(ClipAnswer(self._number, problem=problem))
+
+    def _pass_on(self, answer: ClipAnswer) -> None:
+        if answer.number == self._number:
+            self._on_answer(answer)
+
+
+class _Superseded(Exception):
+    """A newer task has arrived."""
+
+
+def _serve(pipe: Connection) -> None:
+    """Answer tasks until the other end of the pipe is closed."""
+    # Ctrl-C reaches every process of the terminal; the parent decides what it means.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with_parent()
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    with suppress(EOFError, OSError):
+        while True:
+            task = pipe.recv()
+            while pipe.poll():
+                task = pipe.recv()
+            with suppress(_Superseded):
+                pipe.send(_answer(task, pipe))
+
+
+def _answer(task: Task, pipe: Connection) -> ClipAnswer:
+    def tell(step: str, part: float) -> None:
+        if pipe.poll():
+            raise _Superseded
+        pipe.send(ClipAnswer(task.number, step, part, done=False))
+
+    try:
+        return measured_answer(task, tell)
+    except ImpactVisionError as problem:
+        return ClipAnswer(task.number, problem=problem.in_one_line)
+    except (OSError, MemoryError) as problem:
+        return ClipAnswer(task.number, problem=f"The clip can't be measured: {problem}.")
+    except (_Superseded, EOFError):
+        raise
+    except Exception as problem:  # a bug: the page stays usable, the terminal has the details
+        traceback.print_exc(file=sys.stderr)
+        said = f"A defect of this program stopped the measurement ({type(problem).__name__})."
+        return ClipAnswer(task.number, problem=f"{said} Please report the text in the terminal.")
+
+
+def measured_answer(task: Task, tell: Callable[[str, float], None]) -> ClipAnswer:
+    """Measure a task's clip; where no ball is found, the answer holds what was.
+
+    Raises
+    ------
+    ImpactVisionError
+        If the clip can't be read or the input is invalid.
+    """
+    from dataclasses import replace
+
+    options = task.options
+    if task.corrected is not None:
+        options = replace(options, corrected=given_objects(task.corrected))
+    try:
+        measured = measure_clip(task.clip, options, tell)
+    except NotFoundError as problem:
+        seen = detect(task.clip)
+        linked = link(seen).assign(measured=0, probability=0.0) if len(seen) else None
+        return ClipAnswer(task.number, candidates=linked, problem=problem.in_one_line)
+    found = measured.tracks.found
+    candidates = None if found is None else candidate_table(found)
+    return ClipAnswer(task.number, measured=measured, candidates=candidates)

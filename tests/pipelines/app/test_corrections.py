@@ -1,0 +1,169 @@
+"""Corrections: what is written is read again, a mistake is named, marks reach the table."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from metrology import OutputError, UsageError
+from pipelines.app.corrections import (
+    ClipInputs,
+    Corrections,
+    History,
+    ObjectMark,
+    as_command,
+    as_python,
+    corrected_table,
+    options_of,
+    read_corrections,
+    write_corrections,
+)
+
+CLIP = Path("/lab/a strike.mp4")
+
+
+def test_corrections_survive_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "a.mp4.corrections.toml"
+    assert read_corrections(file) == Corrections()
+    inputs = ClipInputs(fps="600 fps ± 0.5 fps", ball='a "ball"', setup="lab.toml")
+    corrections = Corrections(
+        inputs,
+        (ObjectMark(3, 1.25, -0.5), ObjectMark(9, 2.0, 4.0, moved=True)),
+        ObjectMark(0, 7.0, 8.0),
+    )
+    write_corrections(file, corrections)
+    assert read_corrections(file) == corrections
+    write_corrections(file, Corrections())
+    assert not file.exists()
+    with pytest.raises(OutputError, match="can't write"):
+        write_corrections(tmp_path / "nowhere" / "a.toml", corrections)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[[ball]", "not valid TOML"),
+        ("balls = 1", "balls is not known"),
+        ("[inputs]\nspeed = '1'", "speed is not known"),
+        ("inputs = 3", "inputs is no table"),
+        ("[inputs]\nfps = 600", "fps is not in quotes"),
+        ("ball = 3", "ball is no list"),
+        ("[[ball]]\nframe = 1.5\nx_px = 1\ny_px = 1", "number 1: frame is 1.5"),
+        ("[[ball]]\nframe = -1\nx_px = 1\ny_px = 1", "frame is -1"),
+        ("[[ball]]\nframe = 1\nx_px = nan\ny_px = 1", "x_px is nan"),
+        ("[[ball]]\nframe = 1\nx_px = true\ny_px = 1", "x_px is True"),
+        ("[[ball]]\nframe = 1\nx_px = [1]\ny_px = 1", "x_px is"),
+        ("[mass]\nframe = 1\nx_px = 1", "y_px is 'missing'"),
+        ("[mass]\nframe = 1\nz_px = 1", r"\[mass\] needs frame, x_px and y_px"),
+        ("mass = [1]", r"\[mass\] needs"),
+    ],
+)
+def test_a_file_edited_wrongly_is_refused_with_the_place(
+    tmp_path: Path, text: str, said: str
+) -> None:
+    file = tmp_path / "a.corrections.toml"
+    file.write_text(text)
+    with pytest.raises(UsageError, match=said) as refused:
+        read_corrections(file)
+    assert refused.value.hint
+
+
+def test_undo_and_redo_return_every_state() -> None:
+    states = [Corrections(ball=(ObjectMark(k, 1.0, 1.0),)) for k in range(3)]
+    history = History(states[0])
+    assert not history.undo()
+    assert [history.change(one) for one in states] == [False, True, True]
+    assert history.undo()
+    assert history.now == states[1]
+    assert history.redo()
+    assert history.now == states[2]
+    history.undo()
+    assert history.change(states[0])
+    # what was undone before a change is gone
+    assert not history.can_redo
+    history.undo()
+    assert history.now == states[1]
+
+
+def _table() -> pd.DataFrame:
+    """Two objects 50 px apart; the first is measured."""
+    rows = [
+        (number, frame, 20.0 + frame, 30.0 + 50.0 * number, 5.0, int(number == 0))
+        for number in range(2)
+        for frame in range(6)
+        if frame != 4
+    ]
+    names = ["tracklet", "frame", "x_px", "y_px", "radius_px", "measured"]
+    return pd.DataFrame(rows, columns=names)
+
+
+def test_a_mark_on_another_object_selects_it() -> None:
+    table = corrected_table(_table(), (ObjectMark(2, 24.0, 78.0),))
+    assert table is not None
+    assert set(table[table["measured"] == 1]["tracklet"]) == {1}
+    assert len(table) == 10
+    # the later mark counts
+    both = (ObjectMark(2, 24.0, 78.0), ObjectMark(3, 23.0, 31.0))
+    again = corrected_table(_table(), both)
+    assert again is not None
+    assert set(again[again["measured"] == 1]["tracklet"]) == {0}
+
+
+def test_a_dragged_outline_replaces_or_adds_a_row() -> None:
+    table = corrected_table(
+        _table(), (ObjectMark(2, 99.0, 98.0, True), ObjectMark(4, 77.0, 76.0, True))
+    )
+    assert table is not None
+    own = table[table["measured"] == 1].set_index("frame")
+    assert own.loc[2, ["x_px", "y_px"]].tolist() == [99.0, 98.0]
+    assert own.loc[4, ["x_px", "y_px", "radius_px", "tracklet"]].tolist() == [77.0, 76.0, 5.0, 0.0]
+    assert own.loc[3, "x_px"] == 23.0
+    assert own.index.tolist() == [0, 1, 2, 3, 4, 5]
+
+
+@pytest.mark.parametrize(
+    "marks",
+    [
+        (),
+        (ObjectMark(2, 22.0, 55.0),),
+        (ObjectMark(4, 24.0, 30.0),),
+        (ObjectMark(700, 24.0, 30.0),),
+    ],
+)
+def test_a_mark_on_nothing_found_makes_no_table(marks: tuple[ObjectMark, ...]) -> None:
+    assert corrected_table(_table(), marks) is None
+    assert corrected_table(None, marks) is None
+
+
+def test_the_command_and_python_say_what_is_measured(tmp_path: Path) -> None:
+    setup = tmp_path / "lab.toml"
+    setup.write_text("[camera]\ncapture_fps = 240\n")
+    clip = tmp_path / "a strike.mp4"
+    inputs = ClipInputs(fps="600", ball="jokku", wall_grid="50mm", setup="lab.toml")
+    corrections = Corrections(inputs, (ObjectMark(3, 10.5, 20.0),), ObjectMark(1, 5.0, 6.0))
+    options = options_of(clip, corrections, corrected=False)
+    assert (options.fps, options.ball, options.wall_grid) == (600.0, "jokku", "50mm")
+    assert (options.ball_at, options.mass_at) == ((10.5, 20.0, 3), (5.0, 6.0, 1))
+    assert options.setup.camera.capture_fps == 240.0
+    command = as_command(CLIP, corrections, corrected=False)
+    assert command == (
+        "vision measure '/lab/a strike.mp4' --fps 600 --ball jokku --wall-grid 50mm"
+        " --setup /lab/lab.toml --ball-at 10.5,20,3 --mass-at 5,6,1"
+    )
+    table = as_command(CLIP, corrections, corrected=True)
+    assert "--ball-at" not in table
+    assert table.endswith("--from-tracks '/lab/a strike.mp4.corrected.csv'")
+    python = as_python(CLIP, corrections, corrected=True)
+    assert "wall_grid='50mm'" in python
+    assert "tracklets='/lab/a strike.mp4.corrected.csv'" in python
+    compile(python, "cell", "exec")
+
+
+def test_a_wrong_input_is_a_sentence(tmp_path: Path) -> None:
+    for inputs, said in (
+        (ClipInputs(fps="fast"), "--fps"),
+        (ClipInputs(scale="1 mm/px", wall_grid="50mm"), "both set the scale"),
+        (ClipInputs(setup="none.toml"), "none.toml"),
+    ):
+        with pytest.raises(UsageError, match=said):
+            options_of(tmp_path / "a.mp4", Corrections(inputs), corrected=False)

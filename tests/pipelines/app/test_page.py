@@ -1,0 +1,164 @@
+"""The page in a real browser: frames, numbers, graphs, corrections, and who is refused."""
+
+import os
+import re
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipelines.app.corrections import corrections_file, read_corrections
+from tests.pipelines.app.small import falling
+from tests.pipelines.calibrate.wizard_page import chromium, opened_plain, until
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with chromium() as found:
+        yield found
+
+
+@contextmanager
+def served(*arguments: str) -> Iterator[str]:
+    """Address of a running `vision app`."""
+    process = subprocess.Popen(
+        [
+            sys.executable,
+            "-c",
+            "from pipelines.cli import app; app()",
+            "app",
+            "--no-browser",
+            *arguments,
+        ],
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+        env={**os.environ, "OMP_NUM_THREADS": "1", "LANG": "C"},
+    )
+    assert process.stdout is not None
+    try:
+        for line in process.stdout:
+            if found := re.search(r"http://127\.0\.0\.1:\d+/\?token=\S+", line):
+                yield found[0]
+                return
+        raise AssertionError("no address")
+    finally:
+        process.kill()
+        process.wait(30)
+        process.stdout.close()
+
+
+def shown(page: Any) -> int:
+    return int(page.get_attribute("[data-test=stage]", "data-shown") or -1)
+
+
+def on_stage(page: Any, x: float, y: float) -> tuple[float, float]:
+    """Where a pixel of the clip (120 px wide) is on the page."""
+    box = page.locator("[data-test=stage]").bounding_box()
+    scale = box["width"] / 120
+    return box["x"] + (x + 0.5) * scale, box["y"] + (y + 0.5) * scale
+
+
+def test_a_clip_from_numbers_to_a_correction(browser: Any, tmp_path: Path) -> None:
+    path = falling(tmp_path / "<i>drop<i>")
+    (tmp_path / "<i>drop<i>.toml").write_text("[camera]\ncapture_fps = 240\n")
+    said: list[str] = []
+    with served(str(path)) as address:
+        page = opened_plain(browser, address)
+        page.on("console", lambda one: said.append(one.text) if one.type == "error" else None)
+        page.on("pageerror", lambda one: said.append(str(one)))
+        page.wait_for_selector("[data-test^=figure-]")
+        assert page.inner_text("[data-test=name]") == "<i>drop<i>"
+        assert "240" in page.inner_text("[data-test=repeats]") or "toml" in page.inner_text(
+            "[data-test=repeats]"
+        )
+        # by keyboard
+        stage = page.locator("[data-test=stage]")
+        stage.focus()
+        page.keyboard.press("End")
+        until(page, lambda: shown(page) == 35)
+        page.keyboard.press("ArrowLeft")
+        until(page, lambda: shown(page) == 34)
+        page.keyboard.press("Home")
+        until(page, lambda: shown(page) == 0)
+        # a click in a graph goes to its frame
+        graph = page.locator(".va-graph").first
+        graph.scroll_into_view_if_needed()
+        box = graph.bounding_box()
+        page.mouse.click(box["x"] + 0.7 * box["width"], box["y"] + 0.6 * box["height"])
+        until(page, lambda: shown(page) > 0)
+        # an outline is dragged
+        stage.scroll_into_view_if_needed()
+        stage.focus()
+        page.keyboard.press("Home")
+        for _ in range(10):
+            page.keyboard.press("ArrowRight")
+        until(page, lambda: shown(page) == 10)
+        x, y = on_stage(page, 60.0, 31.0)
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + 4, y + 3, steps=3)
+        page.mouse.move(x + 9, y, steps=3)
+        page.mouse.up()
+        file = corrections_file(path)
+        until(page, lambda: file.is_file() and bool(read_corrections(file).ball))
+        mark = read_corrections(file).ball[0]
+        assert (mark.frame, mark.moved) == (10, True)
+        assert mark.x_px > 60.5
+        until(page, lambda: "--from-tracks" in page.inner_text("[data-test=repeats]"))
+        page.click("[data-test=undo]")
+        until(page, lambda: not read_corrections(file).ball)
+        # by keyboard: the cross starts in the middle
+        page.click("[data-test=point-ball]")
+        page.keyboard.press("ArrowUp")
+        page.keyboard.press("Enter")
+        until(page, lambda: bool(read_corrections(file).ball))
+        mark = read_corrections(file).ball[0]
+        assert (mark.x_px, mark.y_px, mark.moved) == (59.5, 98.5, False)
+        page.reload()
+        page.wait_for_selector("[data-test=stage]")
+        for width in (390, 768):
+            page.set_viewport_size({"width": width, "height": 800})
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+        page.click("[data-test=language]")
+        page.click(".q-menu >> text=Deutsch")
+        until(page, lambda: "Ergebnisse" in page.inner_text("[data-test=numbers]"))
+    assert said == []
+
+
+def test_a_broken_clip_is_a_sentence_on_the_page(browser: Any, tmp_path: Path) -> None:
+    path = tmp_path / "broken.mp4"
+    path.write_bytes(b"not a video" * 100)
+    with served(str(path)) as address:
+        page = opened_plain(browser, address)
+        until(page, lambda: "broken.mp4" in page.inner_text("[data-test=problem]"))
+        assert "Traceback" not in page.inner_text("body")
+
+
+def test_nobody_else_comes_in_and_nothing_is_loaded_from_outside(
+    browser: Any, tmp_path: Path
+) -> None:
+    with served(str(falling(tmp_path / "clip", frames=2))) as address:
+        home = address.partition("/?")[0]
+        for path in ("/", "/frame/1/0", "/marks/1/0", "/app/style.css"):
+            with pytest.raises(urllib.error.HTTPError) as refused:
+                urllib.request.urlopen(home + path)
+            assert refused.value.code == 403
+            assert "default-src 'self'" in refused.value.headers["content-security-policy"]
+            refused.value.close()
+        asked: list[str] = []
+        page = browser.new_page()
+        page.on("request", lambda one: asked.append(one.url))
+        page.goto(address)
+        page.wait_for_selector("[data-test=stage]")
+        assert [url for url in asked if not url.startswith((home, "ws://127", "data:"))] == []
+        for path in ("/frame/1/9", "/frame/2/0", "/frame/..%2fetc", "/app/shell.py", "/marks/9/0"):
+            assert page.request.get(home + path).status in (404, 422)

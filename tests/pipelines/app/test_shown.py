@@ -1,0 +1,119 @@
+"""What the page displays of a measurement: numbers with their standing, graphs, outlines."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipelines.app.figures import Standing, figures_of
+from pipelines.app.graphs import MAX_POINTS, graphs_of
+from pipelines.app.marks import MAX_CANDIDATES, marks_of
+from pipelines.checker.scene import Finding
+from pipelines.report import Check, CheckOutcome
+from pipelines.report.inputs import CheckKind
+from tests.pipelines.app.small import strike
+from vision.stages import candidate_table
+
+
+def _standings(**changes: object) -> dict[str, tuple[Standing, str]]:
+    measured = replace(strike(), **{"findings": (), "checks": (), "assumed": (), **changes})
+    return {one.name: (one.standing, one.why) for one in figures_of(measured)}
+
+
+def test_the_main_numbers_come_first_and_those_without_a_value_last() -> None:
+    figures = figures_of(strike())
+    assert [one.name for one in figures[:3]] == [
+        "contact_time",
+        "pendulum_speed_before",
+        "ball_speed",
+    ]
+    known = [bool(one.value) for one in figures]
+    assert known == sorted(known, reverse=True)
+    # other motions' numbers are not listed
+    assert not any(one.name == "swing_period" for one in figures)
+    speed = next(one for one in figures if one.name == "ball_speed")
+    quantity = strike().quantity("ball_speed")
+    assert float(speed.value) == pytest.approx(quantity.value, abs=quantity.std)
+    assert (speed.unit, speed.standing) == ("m/s", Standing.SOUND)
+    assert 0.9 < sum(part for _, _, part in speed.budget) < 1.1
+    assert [part for _, _, part in speed.budget] == sorted(
+        (part for _, _, part in speed.budget), reverse=True
+    )
+
+
+def test_what_is_assumed_marks_the_numbers_that_it_concerns() -> None:
+    found = _standings(assumed=("No pendulum given: COR, impulse and energy hold only for it.",))
+    assert {name for name, (kind, _) in found.items() if kind is Standing.ASSUMED} == {
+        name
+        for name in ("cor_speeds", "cor_launch", "cor_range", "cor", "external_impulse")
+        if found[name][0] is not Standing.MISSING
+    } | {"energy_loss"}
+    everything = _standings(assumed=("Frame rate not given. 30 fps is assumed.",))
+    assert Standing.SOUND not in {kind for kind, _ in everything.values()}
+
+
+def test_a_contradiction_marks_what_depends_on_the_wrong_input() -> None:
+    rate = _standings(findings=(Finding("rate", "The rate is 240 fps.", "--fps 240"),))
+    assert rate["ball_speed"] == (Standing.CONTRADICTED, "The rate is 240 fps.")
+    assert rate["launch_angle"][0] is Standing.SOUND
+    size = _standings(findings=(Finding("ball", "The ball is 0.22 m.", "--ball 220mm"),))
+    assert size["ball_speed"][0] is Standing.CONTRADICTED
+    assert size["contact_time"][0] is Standing.SOUND
+    missing = _standings(findings=(Finding("facts", "No scale.", ""),))
+    assert Standing.CONTRADICTED not in {kind for kind, _ in missing.values()}
+
+
+def test_a_failed_check_marks_its_numbers() -> None:
+    failed = Check(CheckKind.CONTACT_BOUND, CheckOutcome.FAILED, "too long")
+    found = _standings(checks=(failed,))
+    assert found["contact_time"] == (Standing.CONTRADICTED, "too long")
+    assert found["ball_speed"][0] is Standing.SOUND
+    passed = replace(failed, outcome=CheckOutcome.PASSED)
+    assert _standings(checks=(passed,))["contact_time"][0] is Standing.SOUND
+
+
+def test_graphs_hold_the_track_and_each_point_its_frame() -> None:
+    measured = strike()
+    graphs = {one.name: one for one in graphs_of(measured)}
+    assert set(graphs) == {"gap", "path", "position", "speed", "angle"}
+    ball = measured.tracks.ball
+    points = {row[2]: row for row in graphs["position"].series[0]["data"]}
+    row = int(np.searchsorted(ball.frame, ball.frame[len(ball) // 2]))
+    assert points[float(ball.frame[row])][0] == pytest.approx(ball.time_s[row], rel=1e-5)
+    start, end = (measured.quantity(name).value for name in ("contact_start", "contact_end"))
+    gap = np.array(graphs["gap"].series[0]["data"])
+    inside = (gap[:, 0] > start) & (gap[:, 0] < end)
+    assert gap[inside, 1].mean() < gap[~inside, 1].mean()
+    assert np.all(np.abs(gap[:, 2] / measured.rate.fps - gap[:, 0]) < 1.0 / measured.rate.fps)
+    for graph in graphs.values():
+        assert all(len(part["data"]) <= MAX_POINTS for part in graph.series)
+        json.dumps(graph.options(), allow_nan=False)
+
+
+def test_outlines_lie_where_the_tracks_are() -> None:
+    measured = strike()
+    found = measured.tracks.found
+    assert found is not None
+    document = marks_of(measured, candidate_table(found))
+    json.dumps(document, allow_nan=False)
+    ball = document["objects"][0]
+    assert (ball["kind"], ball["frame"][0]) == ("ball", int(measured.tracks.ball.frame[0]))
+    assert ball["x"][0] == pytest.approx(measured.tracks.ball.centre_px[0, 0], abs=0.01)
+    start = measured.quantity("contact_start").value
+    assert start is not None
+    assert abs(document["contact"][0] / measured.rate.fps - start) < 1.0 / measured.rate.fps
+    assert [one["name"] for one in document["events"]] == ["contact", "landing"]
+    assert sum(one["measured"] for one in document["candidates"]) == 1
+    assert len(document["candidates"]) <= MAX_CANDIDATES
+
+
+def test_outlines_of_a_moving_camera_are_those_of_the_frames() -> None:
+    measured = strike()
+    still = marks_of(measured)["objects"][0]
+    shift = np.tile([3.0, -2.0], (measured.info.frames, 1))
+    moving = replace(measured, tracks=replace(measured.tracks, shift_px=shift))
+    moved = marks_of(moving)["objects"][0]
+    assert np.allclose(np.subtract(moved["x"], still["x"]), 3.0, atol=0.011)
+    assert np.allclose(np.subtract(moved["y"], still["y"]), -2.0, atol=0.011)
+    assert marks_of(None)["objects"] == []
