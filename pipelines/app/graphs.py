@@ -55,6 +55,7 @@ class Graph:
             "nameLocation": "middle",
             "splitLine": {"lineStyle": {"opacity": 0.25}},
         }
+        width, height = ({}, {}) if self.over_time else _equal_spans(self.series)
         return {
             "animation": False,
             "legend": {"type": "scroll", "top": 0, "left": 0, "itemWidth": 12},
@@ -64,8 +65,8 @@ class Graph:
                 {"type": "inside", "xAxisIndex": 0, "filterMode": "none"},
                 {"type": "inside", "yAxisIndex": 0, "filterMode": "none"},
             ],
-            "xAxis": {**axis, "name": self.x, "nameGap": 26},
-            "yAxis": {**axis, "name": self.y, "nameGap": 42},
+            "xAxis": {**axis, **width, "name": self.x, "nameGap": 26},
+            "yAxis": {**axis, **height, "name": self.y, "nameGap": 42},
             "series": [*self.series, {"id": "cursor", "name": "", "type": "line", "data": []}],
         }
 
@@ -110,6 +111,19 @@ def _rows(*columns: FloatArray) -> list[list[float]]:
     if len(table) > MAX_POINTS:
         table = table[np.linspace(0, len(table) - 1, MAX_POINTS).astype(int)]
     return [[float(f"{value:.6g}") for value in row] for row in table.tolist()]
+
+
+def _equal_spans(series: tuple[dict[str, Any], ...]) -> tuple[dict[str, float], dict[str, float]]:
+    """Limits of both axes of the same length: a vertical fall is a line, not noise."""
+    points = np.array([row[:2] for part in series for row in part["data"]])
+    if not len(points):
+        return {}, {}
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle, half = (low + high) / 2, 0.55 * float((high - low).max())
+    bounds = [
+        {"min": float(f"{one - half:.3g}"), "max": float(f"{one + half:.3g}")} for one in middle
+    ]
+    return bounds[0], bounds[1]
 
 
 def _points(name: str, rows: list[list[float]], place: int) -> dict[str, Any]:

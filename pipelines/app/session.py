@@ -25,7 +25,9 @@ from pipelines.app.figures import Figure, figures_of
 from pipelines.app.frames import FrameStore
 from pipelines.app.graphs import Graph, graphs_of
 from pipelines.app.marks import marks_of
+from pipelines.app.openings import Recent
 from pipelines.app.worker import ClipAnswer, Measurer
+from pipelines.web import Jobs
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,6 +54,8 @@ class ClipSession:
         Its numbers and graphs.
     problem : str
         Why nothing was measured; empty otherwise.
+    written : tuple of Path
+        Files exported so far.
     unsaved : str
         Why the corrections could not be read or saved; empty otherwise.
     step, part : str, float
@@ -66,6 +70,7 @@ class ClipSession:
         self.measured: ClipMeasurement | None = None
         self.figures: tuple[Figure, ...] = ()
         self.graphs: tuple[Graph, ...] = ()
+        self.written: tuple[Path, ...] = ()
         self.problem = self.unsaved = self.step = ""
         self.part = 0.0
         self.revision = 0
@@ -206,16 +211,24 @@ class AppSession:
     Parameters
     ----------
     language : str
+    recent : Recent, optional
 
     Attributes
     ----------
+    folder : Path
+        Where dropped clips are copied to.
+    jobs : Jobs
+        Write files one after another.
     page : str
         "open", "clip", …
     clip : ClipSession or None
     """
 
-    def __init__(self, language: str = "en") -> None:
+    def __init__(self, language: str = "en", recent: Recent | None = None) -> None:
         self.language = language
+        self.recent = recent or Recent()
+        self.folder = Path.cwd()
+        self.jobs = Jobs()
         self.dark: bool | None = None
         self.page = "open"
         self.clip: ClipSession | None = None
@@ -227,6 +240,7 @@ class AppSession:
         """Open a clip and measure it; another open one is closed."""
         if self.clip is not None:
             self.clip.close()
+        self.recent.add(path)
         self._opened += 1
         self.clip = ClipSession(path, self._opened, self.measurer)
         self.page = "clip"

@@ -2,17 +2,24 @@
 
 import json
 from collections.abc import Callable
+from functools import partial
+from html import escape
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 from fastapi import FastAPI, HTTPException, Response
-from fastapi.responses import JSONResponse
+from fastapi.responses import HTMLResponse, JSONResponse
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
-from pipelines.app.clip_page import ClipPage
+from metrology import ImpactVisionError
+from pipelines.app.exports import sheet_html
+from pipelines.app.pages.clip import ClipPage
+from pipelines.app.pages.export import ExportPage
+from pipelines.app.pages.open import OpenPage
 from pipelines.app.session import AppSession
-from pipelines.app.words import LANGUAGES, Say, says
+from pipelines.app.words import LANGUAGES, Say, label_of, says
 from pipelines.web import GRACE_S, serve_app
 
 __all__ = ["AppWindow", "app_of", "serve_page"]
@@ -55,6 +62,7 @@ class AppWindow:
             self.head()
             with ui.element("main").classes("w-full"):
                 self.content()
+        ui.run_javascript(f"visionShow({json.dumps(self.session.page)})")
 
     @ui.refreshable_method
     def head(self) -> None:
@@ -84,9 +92,14 @@ class AppWindow:
         if session.page == "clip" and session.clip is not None:
             self._page = ClipPage(session, session.clip, say)
             self._page.build()
+        elif session.page == "export" and session.clip is not None:
+            ExportPage(session.clip, session.jobs, say).build()
         else:
-            with ui.column().classes("va-page"), ui.column().classes("va-card"):
-                ui.label(say("no_clip"))
+            OpenPage(say, self._open, session.folder, session.recent).build()
+
+    def _open(self, place: Path) -> None:
+        self.session.open_clip(place)
+        self.show()
 
     def go(self, page: str) -> None:
         """Show another page."""
@@ -124,9 +137,10 @@ class AppWindow:
 
 _NAVIGATION = """
 window.visionShow = page => {
-  if (location.hash !== "#" + page) history.pushState(null, "", "#" + page);
+  if (location.hash === "#" + page) return;
+  history[location.hash ? "pushState" : "replaceState"](null, "", "#" + page);
 };
-window.addEventListener("hashchange", () => emitEvent("vision_page", location.hash.slice(1)));
+// of links within the page, and of back and forward
 window.addEventListener("popstate", () => emitEvent("vision_page", location.hash.slice(1)));
 window.addEventListener("beforeunload", () => navigator.sendBeacon("/leaving"));
 """
@@ -135,7 +149,7 @@ window.addEventListener("beforeunload", () => navigator.sendBeacon("/leaving"));
 
 def pages_of(session: AppSession) -> tuple[str, ...]:
     """Pages that can be shown now."""
-    return ("clip",) if session.clip is not None else ()
+    return ("open", "clip", "export") if session.clip is not None else ("open",)
 
 
 def app_of(session: AppSession) -> FastAPI:
@@ -174,6 +188,18 @@ def app_of(session: AppSession) -> FastAPI:
         if clip is None or clip.number != number:
             raise HTTPException(404)
         return JSONResponse(clip.marks(), headers=_FRESH)
+
+    @app.get("/sheet")
+    def sheet() -> HTMLResponse:
+        clip = session.clip
+        if clip is None or clip.measured is None:
+            raise HTTPException(404)
+        label = partial(label_of, language=session.language)
+        try:
+            text = sheet_html(clip.measured, clip.as_command(), label)
+        except ImpactVisionError as problem:
+            text = f"<!doctype html><p>{escape(problem.in_one_line)}</p>"
+        return HTMLResponse(text, headers=_FRESH)
 
     return app
 

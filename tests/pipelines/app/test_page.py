@@ -27,7 +27,7 @@ def browser() -> Iterator[Any]:
 
 
 @contextmanager
-def served(*arguments: str) -> Iterator[str]:
+def served(*arguments: str, cwd: Path = ROOT) -> Iterator[str]:
     """Address of a running `vision app`."""
     process = subprocess.Popen(
         [
@@ -40,8 +40,16 @@ def served(*arguments: str) -> Iterator[str]:
         ],
         stdout=subprocess.PIPE,
         text=True,
-        cwd=ROOT,
-        env={**os.environ, "OMP_NUM_THREADS": "1", "LANG": "C"},
+        cwd=cwd,
+        env={
+            **os.environ,
+            "OMP_NUM_THREADS": "1",
+            "LANG": "C",
+            "PYTHONPATH": str(ROOT),
+            "XDG_STATE_HOME": str(cwd / "state")
+            if cwd != ROOT
+            else os.environ.get("TMPDIR", "/tmp"),
+        },
     )
     assert process.stdout is not None
     try:
@@ -141,6 +149,25 @@ def test_a_broken_clip_is_a_sentence_on_the_page(browser: Any, tmp_path: Path) -
         page = opened_plain(browser, address)
         until(page, lambda: "broken.mp4" in page.inner_text("[data-test=problem]"))
         assert "Traceback" not in page.inner_text("body")
+
+
+def test_a_dropped_clip_opens_and_the_browser_goes_back(browser: Any, tmp_path: Path) -> None:
+    with served(cwd=tmp_path) as address:
+        page = opened_plain(browser, address)
+        page.wait_for_selector("[data-test=sample-strike]")
+        page.fill("[data-test=place]", str(tmp_path / "<i>none.mp4"))
+        page.click("[data-test=open]")
+        until(page, lambda: "<i>none.mp4" in page.inner_text("[data-test=problem]"))
+        page.set_input_files("input[type=file]", ROOT / "docs" / "lessons" / "drop.mp4")
+        page.wait_for_selector("[data-test=stage]")
+        assert (tmp_path / "drop.mp4").is_file()
+        page.click("[data-test=page-export]")
+        page.wait_for_selector("text=drop.mp4")
+        page.go_back()
+        page.wait_for_selector("[data-test=stage]")
+        page.go_back()
+        page.wait_for_selector("[data-test=sample-strike]")
+        until(page, lambda: "drop.mp4" in page.inner_text("[data-test=recent] >> nth=0"))
 
 
 def test_nobody_else_comes_in_and_nothing_is_loaded_from_outside(

@@ -13,6 +13,7 @@ from pipelines.app.corrections import (
     read_corrections,
     table_file,
 )
+from pipelines.app.openings import Recent
 from pipelines.app.session import AppSession, ClipSession
 from tests.pipelines.app.small import FALL, falling
 
@@ -31,8 +32,8 @@ def settled(clip: ClipSession) -> None:
 
 
 @pytest.fixture(scope="module")
-def session() -> Iterator[AppSession]:
-    one = AppSession()
+def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[AppSession]:
+    one = AppSession(recent=Recent(tmp_path_factory.mktemp("state") / "recent.json"))
     yield one
     one.end()
 

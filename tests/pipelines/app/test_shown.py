@@ -89,6 +89,9 @@ def test_graphs_hold_the_track_and_each_point_its_frame() -> None:
     for graph in graphs.values():
         assert all(len(part["data"]) <= MAX_POINTS for part in graph.series)
         json.dumps(graph.options(), allow_nan=False)
+    path = graphs["path"].options()
+    spans = [path[axis]["max"] - path[axis]["min"] for axis in ("xAxis", "yAxis")]
+    assert spans[0] == pytest.approx(spans[1], rel=0.05)
 
 
 def test_outlines_lie_where_the_tracks_are() -> None:

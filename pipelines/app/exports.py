@@ -1,0 +1,166 @@
+"""Files of a measurement for the page Export, by the writers of the command line."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from metrology import write_text_whole, written_whole
+from pipelines.app.figures import LARGE_FIGURES, Figure, figures_of
+from pipelines.measure.files import (
+    WantedFiles,
+    column_of,
+    measurement_as_row,
+    overlay_marks,
+    report_input,
+    software_version,
+    without_formulas,
+)
+from pipelines.measure.inputs import main_quantities
+from pipelines.measure.measurement import QUANTITY_UNITS, ClipMeasurement
+from pipelines.report.plots import panel_svg, panels_of
+from vision.clip.clip import ClipReader
+from vision.overlay import overlay_still, png_bytes
+
+__all__ = ["EXPORTS", "Export", "sheet_html", "written"]
+
+MAX_SHEET_ROWS = 8
+"""Numbers on the sheet (chosen: picture, graphs and messages fit on one A4 page)."""
+
+MAX_SHEET_GRAPHS = 2
+
+
+@dataclass(frozen=True)
+class Export:
+    """A kind of file.
+
+    Attributes
+    ----------
+    key : str
+    ending : str
+        Added to the clip's name.
+    write : callable
+        Takes the file's path, the measurement and the Python text that repeats it.
+    """
+
+    key: str
+    ending: str
+    write: Callable[[Path, ClipMeasurement, str], None]
+
+    def path_for(self, clip: Path) -> Path:
+        """File next to the clip."""
+        return clip.with_name(f"{clip.name}{self.ending}")
+
+
+def _by(option: str) -> Callable[[Path, ClipMeasurement, str], None]:
+    """Writer of an option of `vision measure`."""
+
+    def write(path: Path, measured: ClipMeasurement, python: str) -> None:
+        value: Any = str(path) if option == "json" else path
+        wanted = WantedFiles(**{option: value})
+        wanted.write(measured, measured.info.path, tuple(QUANTITY_UNITS))
+
+    return write
+
+
+def _write_workbook(path: Path, measured: ClipMeasurement, python: str) -> None:
+    """Clip and main quantities, at most thirteen columns; all columns on a second sheet."""
+    import pandas as pd
+
+    row = without_formulas(measurement_as_row(measured))
+    main = main_quantities(measured.motion.measured_as)
+    columns = [column_of(measured.quantity(name)) for name in main if name in QUANTITY_UNITS]
+    kept = ["clip", *(f"{name}{part}" for name in columns for part in ("", "_std"))]
+    table = pd.DataFrame([row])
+    with (
+        written_whole(path) as temporary,
+        pd.ExcelWriter(temporary, engine="openpyxl") as book,
+    ):
+        table[kept].to_excel(book, index=False, sheet_name="results")
+        table.to_excel(book, index=False, sheet_name="all columns")
+
+
+def _write_notebook(path: Path, measured: ClipMeasurement, python: str) -> None:
+    """A notebook that repeats the measurement and plots it."""
+
+    def cell(number: int, text: str) -> dict[str, Any]:
+        lines = text.splitlines(keepends=True)
+        about: dict[str, Any] = {"id": f"cell-{number}", "metadata": {}, "source": lines}
+        return {"cell_type": "code", "execution_count": None, "outputs": [], **about}
+
+    cells = [cell(k, text) for k, text in enumerate((python, "m.plot()", "m.tracks.head()"))]
+    document = {"cells": cells, "metadata": {}, "nbformat": 4, "nbformat_minor": 5}
+    write_text_whole(path, json.dumps(document, indent=1) + "\n")
+
+
+EXPORTS = (
+    Export("report", ".report.html", _by("report")),
+    Export("workbook", ".xlsx", _write_workbook),
+    Export("csv", ".results.csv", _by("csv")),
+    Export("json", ".json", _by("json")),
+    Export("tracks", ".tracks.csv", _by("tracks")),
+    Export("tracker", ".trk", _by("tracks")),
+    Export("kinovea", ".kva", _by("tracks")),
+    Export("overlay", ".overlay.mp4", _by("overlay")),
+    Export("notebook", ".ipynb", _write_notebook),
+)
+"""Kinds of files, in the order of the page."""
+
+
+def written(export: Export, clip: Path, measured: ClipMeasurement, python: str) -> Path:
+    """Write one file next to the clip; return its path.
+
+    Raises
+    ------
+    UsageError
+        If it can't be written.
+    """
+    path = export.path_for(clip)
+    export.write(path, measured, python)
+    return path
+
+
+def sheet_html(measured: ClipMeasurement, command: str, label: Callable[[str], str]) -> str:
+    """One A4 page: main numbers, the frame at contact, graphs, messages.
+
+    Parameters
+    ----------
+    measured : ClipMeasurement
+    command : str
+        That repeats it.
+    label : callable
+        Label of a quantity.
+    """
+    import base64
+
+    from jinja2 import Environment, StrictUndefined
+
+    marks = overlay_marks(measured)
+    clip = ClipReader.open(measured.info.path, every=measured.info.every, least_frames=1)
+    frame = None if marks.contact is None else marks.contact[0]
+    still = png_bytes(overlay_still(clip, measured.tracks, marks, frame=frame))
+    graphs = [
+        (title, base64.b64encode(panel_svg((title, draw)).encode()).decode())
+        for title, draw in panels_of(report_input(measured, None))
+    ]
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    source = files("pipelines.app").joinpath("sheet.html.j2").read_text(encoding="utf-8")
+    return environment.from_string(source).render(
+        name=measured.info.path.name,
+        motion=measured.motion.kind.noun,
+        rate=f"{measured.rate.fps:g} fps",
+        figures=_of_sheet(figures_of(measured)),
+        large=LARGE_FIGURES,
+        label=label,
+        still=base64.b64encode(still).decode(),
+        graphs=graphs[:MAX_SHEET_GRAPHS],
+        warnings=measured.warnings[:4],
+        command=command,
+        version=software_version(),
+    )
+
+
+def _of_sheet(figures: tuple[Figure, ...]) -> list[Figure]:
+    return [one for one in figures if one.value][:MAX_SHEET_ROWS]

@@ -1,0 +1,1 @@
+"""Pages of `vision app`, one module each."""
