@@ -68,8 +68,9 @@ def without_feature(tables: list[Table], name: str) -> list[Table]:
 
 
 LINKING: dict[str, tuple[str, Callable[..., Any]]] = {
-    "cuts of chains": ("_parts", lambda one, _known, _density: [one]),
-    "joins over gaps": ("_joined", lambda found, _known, _density: found),
+    "exchange of tails": ("_exchanged", lambda chains, _marks: chains),
+    "cuts of chains": ("_parts", lambda rows, _marks: [rows]),
+    "joins over gaps": ("_joined", lambda chains, _marks: chains),
     "limit of a jump": ("_beyond_reach", lambda frame, *_: np.zeros(len(frame), dtype=np.bool_)),
 }
 """Steps of linking, and what takes their place."""

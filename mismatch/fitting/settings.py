@@ -79,7 +79,7 @@ def sizes_in_words(forward: Forward) -> tuple[str, ...]:
         return ()
     back, restitution, launch = forward.at_setting
     scatter = forward.baseline.scatter
-    told = [
+    sizes = [
         text
         for size, usual, text in (
             (back, scatter.backswing, f"back-swing ± {np.degrees(back):.2g}°"),
@@ -90,7 +90,7 @@ def sizes_in_words(forward: Forward) -> tuple[str, ...]:
     ]
     return (
         "repeats of a setting share errors that the model does not give: "
-        + ", ".join(told)
+        + ", ".join(sizes)
         + " from setting to setting. A setting therefore counts once, however often it was"
         " repeated. More settings, or each angle set anew before each trial, say more",
     )

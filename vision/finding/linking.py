@@ -4,7 +4,8 @@ A chain of detections is worth what its places and looks are more probable under
 under false detections spread evenly over the picture. An object goes on at its velocity
 up to a Student-t distributed change (gravity, contacts and bounces are its tail), keeps its radius
 and colour up to theirs, and is missed in some frames. The best chains are found by dynamic
-programming over pairs of detections, so that each state has a velocity. `training/fit_finding.py`
+programming over pairs of detections, so that each state has a velocity, and then exchange tails as
+long as all of them together become more probable. `training/fit_finding.py`
 estimates the parameters by maximum likelihood from recordings with truth. parameters.json holds
 these estimates with 95 % intervals next to the values in use, whose tracklets cover more of the
 objects: errors of neighbouring frames are alike, which the likelihood leaves out.
@@ -15,7 +16,8 @@ import math
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib import resources
-from itertools import pairwise
+from itertools import permutations
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -170,51 +172,293 @@ def link(
         return []
     known = parameters or link_parameters()
     step = np.searchsorted(frames, seen.frame)
-    worth = node_worth(seen, known)
     # false detections for each px²: what is found, spread over the picture
     density = len(seen) / (len(frames) * float(shape[0] * shape[1]))
-    pairs = _pairs(seen, step, worth, known, density)
+    marks = _LinkMarks.of(seen, step, known, density)
+    pairs = _pairs(marks)
     alive = np.ones(len(seen), dtype=bool)
-    found: list[Tracklet] = []
+    chains: list[IntArray] = []
     for _ in range(_ROUNDS):
-        chains = _chains(seen, step, worth, pairs, alive, known, density)
-        for rows, odds in chains:
-            found.append(Tracklet(seen.at(rows), odds))
+        best = _chains(seen, marks, pairs, alive)
+        for rows in best:
             alive &= ~_explained(seen, rows)
-        if not chains:
+        chains += best
+        if not best:
             break
-    found = [part for one in found for part in _parts(one, known, density)]
-    found = _joined(found, known, density)
+    cut = [part for rows in _exchanged(chains, marks) for part in _parts(rows, marks)]
+    found = [Tracklet(seen.at(rows), _whole_odds(rows, marks)) for rows in _joined(cut, marks)]
     return sorted(found, key=lambda one: -one.log_odds)[:_MAX_TRACKLETS]
 
 
-def _parts(one: Tracklet, known: LinkParameters, density: float) -> list[Tracklet]:
-    """A chain cut where two objects are more probable than one that leaps.
+class _LinkWeights(NamedTuple):
+    """The parameters but for looks, and false detections for each px²."""
 
-    Each chain is best by itself, so that it runs on through what belongs to another.
+    place_px: float
+    place_radii: float
+    change_radii: float
+    change_freedom: float
+    speed_radii: float
+    log_radius: float
+    colour: float
+    missed: float
+    stays_missed: float
+    begins: float
+    density: float
+
+
+class _LinkMarks(NamedTuple):
+    """What compiled loops read of all detections, and the parameters."""
+
+    frame: FloatArray
+    step: IntArray
+    centre: FloatArray
+    radius: FloatArray
+    colour: FloatArray
+    worth: FloatArray
+    weights: _LinkWeights
+
+    @classmethod
+    def of(
+        cls, seen: Detections, step: IntArray, known: LinkParameters, density: float
+    ) -> "_LinkMarks":
+        values = [getattr(known, name) for name in _LinkWeights._fields[:-1]]
+        return cls(
+            seen.frame.astype(np.float64),
+            step,
+            seen.centre_px,
+            seen.radius_px,
+            seen.colour,
+            node_worth(seen, known),
+            _LinkWeights._make([*values, density]),
+        )
+
+
+@dataclass(frozen=True)
+class _LinkedRows:
+    """Rows of a chain; at each, log odds of going on there as it does, and of beginning there."""
+
+    rows: IntArray
+    held: FloatArray
+    anew: FloatArray
+    odds: float
+
+    @classmethod
+    def of(cls, rows: IntArray, marks: _LinkMarks) -> "_LinkedRows":
+        held, anew = np.zeros(len(rows) + 1), np.zeros(len(rows) + 1)
+        _own_odds(rows, marks, held, anew)
+        return cls(rows, held, anew, _whole_odds(rows, marks))
+
+
+def _exchanged(chains: list[IntArray], marks: _LinkMarks) -> list[IntArray]:
+    """Exchange tails between chains as long as what results is more probable.
+
+    Each chain is the best by itself, so that it runs on through what belongs to another. An
+    exchange with nothing cuts a chain, or joins two.
     """
-    cut = np.zeros(len(one), dtype=np.bool_)
-    seen = one.seen
-    _leaps(
-        seen.frame.astype(np.float64),
-        seen.centre_px,
-        seen.radius_px,
-        seen.colour,
-        known.place_px,
-        known.place_radii,
-        known.change_radii,
-        known.change_freedom,
-        known.speed_radii,
-        known.log_radius,
-        known.colour,
-        known.begins,
-        density,
-        cut,
+    nothing = _LinkedRows.of(np.zeros(0, dtype=np.int64), marks)
+    found = [*(_LinkedRows.of(rows, marks) for rows in chains), nothing]
+    gains = dict[tuple[int, int], tuple[float, int, int]]()
+    changed = set(range(len(found)))
+    while True:
+        for pair in permutations(range(len(found)), 2):
+            if not changed.isdisjoint(pair):
+                gains[pair] = _gain(found[pair[0]], found[pair[1]], marks)
+        pair = max(gains, key=lambda each: gains[each][0])
+        gain, i, j = gains[pair]
+        if gain <= _MIN_GAIN:
+            return [chain.rows for chain in found if len(chain.rows) >= MIN_FOUND_ROWS]
+        new = _swapped(found[pair[0]], found[pair[1]], i, j, marks)
+        changed = set()
+        if sum(one.odds for one in new) <= sum(found[k].odds for k in pair) + _MIN_GAIN:
+            # speeds over several rows promised more than the chains themselves hold
+            gains[pair] = (0.0, 0, 0)
+            continue
+        found[pair[0]], found[pair[1]] = new
+        changed = set(pair)
+        if all(len(chain.rows) for chain in found):
+            changed.add(len(found))
+            found.append(nothing)
+
+
+def _gain(one: _LinkedRows, other: _LinkedRows, marks: _LinkMarks) -> tuple[float, int, int]:
+    first, second = (one.rows, one.held, one.anew), (other.rows, other.held, other.anew)
+    return _best_exchange(*first, *second, marks)
+
+
+def _swapped(
+    one: _LinkedRows, other: _LinkedRows, i: int, j: int, marks: _LinkMarks
+) -> tuple[_LinkedRows, _LinkedRows]:
+    return (
+        _LinkedRows.of(np.concatenate([one.rows[:i], other.rows[j:]]), marks),
+        _LinkedRows.of(np.concatenate([other.rows[:j], one.rows[i:]]), marks),
     )
-    cut |= _beyond_reach(seen.frame.astype(np.float64), seen.centre_px, one.radius)
-    ends = np.concatenate([[0], np.flatnonzero(cut), [len(one)]])
-    parts = [np.arange(first, stop) for first, stop in pairwise(ends.tolist()) if stop - first >= 3]
-    return [Tracklet(seen.at(rows), one.log_odds * len(rows) / len(one)) for rows in parts]
+
+
+_MIN_GAIN = 1e-6
+"""Log odds that an exchange gains at least. Derived: rounding."""
+
+_SPEED_ROWS = 4
+"""Rows over which a speed is taken. Derived: centres found by votes then add a percent of a radius
+a frame."""
+
+
+@compiled
+def _whole_odds(rows: IntArray, marks: _LinkMarks) -> float:
+    """Log odds of a chain as one object; one too short is none."""
+    if len(rows) < MIN_FOUND_ROWS:
+        return 0.0
+    odds = _begun(rows[0], rows[1], marks) + marks.worth[rows[0]]
+    for i in range(1, len(rows)):
+        odds += marks.worth[rows[i]] + _alike(rows[i - 1], rows[i], marks)
+        missed = marks.step[rows[i]] - marks.step[rows[i - 1]] - 1
+        odds += missed * math.log(marks.weights.missed)
+        if i > 1:
+            odds += _turn(rows[i - 2], rows[i - 1], rows[i], marks)
+    return float(odds)
+
+
+@compiled
+def _own_odds(rows: IntArray, marks: _LinkMarks, held: FloatArray, anew: FloatArray) -> None:
+    """Write the log odds of going on and of beginning at each row of a chain."""
+    count = len(rows)
+    for i in range(count):
+        last = rows[min(i + _SPEED_ROWS, count - 1)]
+        anew[i] = _begun(rows[i], last, marks) if last != rows[i] else _NEVER
+        held[i] = anew[i]
+        if i > 0:
+            held[i] = max(anew[i], _going_on(rows, i, rows, i, marks))
+
+
+_NEVER = -1e3
+"""Log odds of what is excluded, such as an object of one row."""
+
+
+@compiled
+def _going_on(head: IntArray, stop: int, tail: IntArray, start: int, marks: _LinkMarks) -> float:
+    """Log odds that a tail goes on from a head."""
+    b, c = head[stop - 1], tail[start]
+    a = head[max(stop - 1 - _SPEED_ROWS, 0)]
+    d = tail[min(start + _SPEED_ROWS, len(tail) - 1)]
+    steps = marks.step[c] - marks.step[b] - 1
+    if steps >= _MAX_GAP or not _near(b, c, marks):
+        return _NEVER
+    odds = _alike(b, c, marks)
+    odds += steps * math.log(marks.weights.missed)
+    if a != b:
+        odds += _turn(a, b, c, marks)
+    if c != d:
+        odds += _turn(b, c, d, marks)
+    return float(odds)
+
+
+@compiled
+def _best_exchange(
+    one: IntArray,
+    one_held: FloatArray,
+    one_anew: FloatArray,
+    other: IntArray,
+    other_held: FloatArray,
+    other_anew: FloatArray,
+    marks: _LinkMarks,
+) -> tuple[float, int, int]:
+    """Most log odds gained by an exchange of tails, and the rows before it in each chain."""
+    best, most_i, most_j = 0.0, 0, 0
+    frame, j = marks.frame, 0
+    for i in range(len(one) + 1):
+        while j < len(other) and i > 0 and frame[other[j]] <= frame[one[i - 1]]:
+            j += 1
+        k = j
+        while True:
+            if (i > 0 or k > 0) and (i < len(one) or k < len(other)):
+                gain = -one_held[i] - other_held[k]
+                gain += _best_start(one, i, other, k, other_anew, marks)
+                gain += _best_start(other, k, one, i, one_anew, marks)
+                if gain > best:
+                    gain -= _dropped(one, one_held, i, other, other_held, k, marks)
+                    gain -= _dropped(other, other_held, k, one, one_held, i, marks)
+                    if gain > best:
+                        best, most_i, most_j = gain, i, k
+            if k == len(other) or (i < len(one) and frame[other[k]] >= frame[one[i]]):
+                break
+            k += 1
+    return best, most_i, most_j
+
+
+@compiled
+def _best_start(
+    head: IntArray, stop: int, tail: IntArray, start: int, anew: FloatArray, marks: _LinkMarks
+) -> float:
+    """Log odds of a tail: as going on from a head, or as an object that begins."""
+    if start == len(tail):
+        return 0.0
+    if stop == 0:
+        return float(anew[start])
+    return float(max(anew[start], _going_on(head, stop, tail, start, marks)))
+
+
+@compiled
+def _dropped(
+    head: IntArray,
+    head_held: FloatArray,
+    stop: int,
+    tail: IntArray,
+    tail_held: FloatArray,
+    start: int,
+    marks: _LinkMarks,
+) -> float:
+    """Log odds of a chain that is too short to be kept, but for where it is joined."""
+    if stop + len(tail) - start >= MIN_FOUND_ROWS:
+        return 0.0
+    lost = 0.0
+    for i in range(stop):
+        lost += marks.worth[head[i]] + head_held[i]
+    for j in range(start, len(tail)):
+        lost += marks.worth[tail[j]] + (tail_held[j] if j > start else 0.0)
+    return lost
+
+
+@compiled
+def _begun(one: int, other: int, marks: _LinkMarks) -> float:
+    """Log odds that an object begins with a step, and another has ended."""
+    known = marks.weights
+    away = marks.centre[other] - marks.centre[one]
+    size = 0.5 * (marks.radius[one] + marks.radius[other])
+    share = known.place_radii * size
+    reach = known.speed_radii * size * (marks.frame[other] - marks.frame[one])
+    scale = 2.0 * (known.place_px * known.place_px + share * share) + reach * reach
+    anew = -1.5 * math.log(1.0 + (away[0] * away[0] + away[1] * away[1]) / scale)
+    anew += 2.0 * math.log(known.begins)
+    return float(anew - math.log(6.2832 * scale * known.density))
+
+
+@compiled
+def _turn(one: int, middle: int, other: int, marks: _LinkMarks) -> float:
+    """Log odds of the change of velocity at a row."""
+    known = marks.weights
+    earlier = marks.frame[middle] - marks.frame[one]
+    elapsed = marks.frame[other] - marks.frame[middle]
+    size = 0.5 * (marks.radius[middle] + marks.radius[other])
+    ratio = elapsed / earlier
+    off = marks.centre[other] - marks.centre[middle]
+    off = off - ratio * (marks.centre[middle] - marks.centre[one])
+    share = known.place_radii * size
+    pull = known.change_radii * size * 0.5 * elapsed * (elapsed + earlier)
+    wide = known.place_px * known.place_px + share * share
+    wide = wide * (2.0 + 2.0 * ratio + 2.0 * ratio * ratio) + pull * pull
+    freedom = known.change_freedom
+    odds = math.log(1.0 + (off[0] * off[0] + off[1] * off[1]) / (wide * freedom))
+    return float(-0.5 * (freedom + 2.0) * odds - math.log(6.2832 * wide * known.density))
+
+
+def _parts(rows: IntArray, marks: _LinkMarks) -> list[IntArray]:
+    """A chain cut where two objects are more probable than one that leaps."""
+    cut = np.zeros(len(rows), dtype=np.bool_)
+    _leaps(rows, marks, cut)
+    cut |= _beyond_reach(
+        marks.frame[rows], marks.centre[rows], float(np.median(marks.radius[rows]))
+    )
+    parts = np.split(rows, np.flatnonzero(cut))
+    return [part for part in parts if len(part) >= MIN_FOUND_ROWS]
 
 
 def _beyond_reach(frame: FloatArray, centre: FloatArray, radius: float) -> NDArray[np.bool_]:
@@ -232,187 +476,83 @@ def _beyond_reach(frame: FloatArray, centre: FloatArray, radius: float) -> NDArr
     return np.concatenate([[False], far])
 
 
-_SPEED_ROWS = 4
-"""Rows over which a speed is taken. Derived: centres found by votes then add a percent of a radius
-a frame."""
-
-
 @compiled
-def _leaps(
-    frame: FloatArray,
-    centre: FloatArray,
-    radius: FloatArray,
-    colour: FloatArray,
-    place_px: float,
-    place_radii: float,
-    change: float,
-    freedom: float,
-    speed: float,
-    log_radius: float,
-    colour_scale: float,
-    begins: float,
-    density: float,
-    cut: NDArray[np.bool_],
-) -> None:
+def _leaps(rows: IntArray, marks: _LinkMarks, cut: NDArray[np.bool_]) -> None:
     """Mark the rows of a chain before which it is rather cut."""
-    count = len(frame)
-    turn = np.zeros(count)
-    for j in range(1, count - 1):
-        turn[j] = _turn(frame, centre, radius, j, place_px, place_radii, change, freedom, density)
-    for j in range(2, count - 1):
-        anew = _begun(frame, centre, radius, j, place_px, place_radii, speed, begins, density)
-        alike = _alike(radius, colour, j - 1, j, log_radius, colour_scale)
-        cut[j] = anew > turn[j - 1] + turn[j] + alike
+    for j in range(2, len(rows) - 1):
+        before, here, after = rows[j - 1], rows[j], rows[j + 1]
+        on = _turn(rows[j - 2], before, here, marks) + _turn(before, here, after, marks)
+        cut[j] = _begun(here, after, marks) > on + _alike(before, here, marks)
 
 
-@compiled
-def _begun(
-    frame: FloatArray,
-    centre: FloatArray,
-    radius: FloatArray,
-    j: int,
-    place_px: float,
-    place_radii: float,
-    speed: float,
-    begins: float,
-    density: float,
-) -> float:
-    """Log odds that one chain ends before a row, and another begins there with its first step."""
-    size = 0.5 * (radius[j] + radius[j + 1])
-    dx, dy = centre[j + 1, 0] - centre[j, 0], centre[j + 1, 1] - centre[j, 1]
-    share, reach = place_radii * size, speed * size * (frame[j + 1] - frame[j])
-    scale = 2.0 * (place_px * place_px + share * share) + reach * reach
-    anew = -1.5 * math.log(1.0 + (dx * dx + dy * dy) / scale)
-    return float(anew + 2.0 * math.log(begins) - math.log(6.2832 * scale * density))
-
-
-@compiled
-def _turn(
-    frame: FloatArray,
-    centre: FloatArray,
-    radius: FloatArray,
-    j: int,
-    place_px: float,
-    place_radii: float,
-    change: float,
-    freedom: float,
-    density: float,
-) -> float:
-    """Log odds of the change of velocity at a row of a chain."""
-    earlier, elapsed = frame[j] - frame[j - 1], frame[j + 1] - frame[j]
-    size = 0.5 * (radius[j] + radius[j + 1])
-    ratio = elapsed / earlier
-    ox = centre[j + 1, 0] - centre[j, 0] - ratio * (centre[j, 0] - centre[j - 1, 0])
-    oy = centre[j + 1, 1] - centre[j, 1] - ratio * (centre[j, 1] - centre[j - 1, 1])
-    share = place_radii * size
-    pull = change * size * 0.5 * elapsed * (elapsed + earlier)
-    wide = (place_px * place_px + share * share) * (2.0 + 2.0 * ratio + 2.0 * ratio * ratio)
-    wide += pull * pull
-    odds = -0.5 * (freedom + 2.0) * math.log(1.0 + (ox * ox + oy * oy) / (wide * freedom))
-    return float(odds - math.log(6.2832 * wide * density))
-
-
-def _joined(found: list[Tracklet], known: LinkParameters, density: float) -> list[Tracklet]:
+def _joined(chains: list[IntArray], marks: _LinkMarks) -> list[IntArray]:
     """Join heads to tails as long as one object is more probable than two."""
-    chains = sorted(found, key=lambda one: int(one.frame[0]))
-    ends = np.array([_ends(one) for one in chains]).reshape(-1, 16)
-    gains = np.full((len(chains), len(chains)), -np.inf)
-    weights = np.array([getattr(known, name) for name in _JOIN_WEIGHTS])
-    every = np.arange(len(chains))
-    _weigh(ends, every, every, weights, density, gains)
-    while len(chains) and gains.max() > 0.0:
+    found = sorted(chains, key=lambda rows: int(rows[0]))
+    ends = np.array([_ends(rows) for rows in found], dtype=np.int64).reshape(-1, 4)
+    looks = np.array([_looks(rows, marks) for rows in found]).reshape(-1, 4)
+    gains = np.full((len(found), len(found)), -np.inf)
+    every = np.arange(len(found))
+    _weigh(ends, looks, every, every, marks, gains)
+    while len(found) and gains.max() > 0.0:
         head, tail = (int(place) for place in np.unravel_index(gains.argmax(), gains.shape))
-        whole = chains[head].then(chains[tail])
-        chains[head] = Tracklet(whole.seen, whole.log_odds + float(gains[head, tail]))
-        ends[head] = _ends(chains[head])
+        found[head] = np.concatenate([found[head], found[tail]])
+        ends[head], looks[head] = _ends(found[head]), _looks(found[head], marks)
         every = every[every != tail]
         gains[[head, tail]] = gains[:, [head, tail]] = -np.inf
         new = np.array([head])
-        _weigh(ends, new, every, weights, density, gains)
-        _weigh(ends, every, new, weights, density, gains)
-    return [chains[place] for place in every]
+        _weigh(ends, looks, new, every, marks, gains)
+        _weigh(ends, looks, every, new, marks, gains)
+    return [found[place] for place in every]
 
 
-_JOIN_WEIGHTS = (
-    *("place_px", "place_radii", "change_radii", "change_freedom", "speed_radii", "begins"),
-    *("log_radius", "colour", "missed", "stays_missed"),
-)
+def _ends(rows: IntArray) -> IntArray:
+    """Two rows at the start of a chain and two at its end (4,)."""
+    reach = min(len(rows), _SPEED_ROWS) - 1
+    return rows[[0, reach, -1 - reach, -1]]
 
 
-def _ends(one: Tracklet) -> FloatArray:
-    """Frame, x and y of two rows at its end and of two at its start, radius and colour (16,)."""
-    reach = min(len(one) - 1, 3)
-    rows = np.array([-1 - reach, -1, 0, reach])
-    places = np.column_stack([one.frame[rows], one.centre_px[rows]])
-    colour = np.median(one.seen.colour, axis=0)
-    return np.concatenate([places.ravel(), [one.radius], colour])
+def _looks(rows: IntArray, marks: _LinkMarks) -> FloatArray:
+    """Typical radius and colour of a chain (4,)."""
+    return np.append(np.median(marks.radius[rows]), np.median(marks.colour[rows], axis=0))
 
 
 @compiled
 def _weigh(
-    ends: FloatArray,
+    ends: IntArray,
+    looks: FloatArray,
     heads: IntArray,
     tails: IntArray,
-    weights: FloatArray,
-    density: float,
+    marks: _LinkMarks,
     gains: FloatArray,
 ) -> None:
     """Write the log odds of one object, seen on both sides of a gap, against two."""
-    place_px, place_radii, change, freedom, speed, begins = weights[:6]
-    log_radius, colour, missed, stays_missed = weights[6:]
-    frame, centre, radius = np.empty(4), np.empty((4, 2)), np.empty(4)
+    known = marks.weights
     for head in heads:
         for tail in tails:
-            if ends[tail, 6] <= ends[head, 3]:
+            a, b = ends[head, 2:]
+            c, d = ends[tail, :2]
+            gap = marks.frame[c] - marks.frame[b]
+            if gap <= 0.0:
                 continue
-            for row in range(4):
-                source = ends[head] if row < 2 else ends[tail]
-                frame[row] = source[3 * row]
-                centre[row, 0], centre[row, 1] = source[3 * row + 1], source[3 * row + 2]
-            radius[:] = 0.5 * (ends[head, 12] + ends[tail, 12])
-            motion = _gap_odds(
-                *(frame, centre, radius, place_px, place_radii),
-                *(change, freedom, speed, begins, density),
-            )
-            ratio = math.log(ends[head, 12] / ends[tail, 12]) / log_radius
-            off = 0.0
-            for channel in range(13, 16):
-                off += (ends[head, channel] - ends[tail, channel]) ** 2
-            looks = -0.5 * ratio * ratio - 2.0 * math.log(1.0 + off / (colour * colour))
-            gap = frame[2] - frame[1]
+            fastest = max(_speed(a, b, marks), _speed(c, d, marks))
+            if _speed(b, c, marks) * gap > fastest * gap + 0.5 * (looks[head, 0] + looks[tail, 0]):
+                gains[head, tail] = -math.inf
+                continue
+            ratio = math.log(looks[head, 0] / looks[tail, 0]) / known.log_radius
+            off = ((looks[head, 1:] - looks[tail, 1:]) ** 2).sum()
+            odds = -0.5 * ratio * ratio - 2.0 * math.log(1.0 + off / known.colour**2)
             if gap > 1.0:
-                looks += math.log(missed) + (gap - 1.0) * math.log(stays_missed)
-            gains[head, tail] = motion + looks
+                odds += math.log(known.missed) + (gap - 1.0) * math.log(known.stays_missed)
+            odds += _turn(a, b, c, marks) + _turn(b, c, d, marks) - _begun(c, d, marks)
+            gains[head, tail] = odds
 
 
 @compiled
-def _gap_odds(
-    frame: FloatArray,
-    centre: FloatArray,
-    radius: FloatArray,
-    place_px: float,
-    place_radii: float,
-    change: float,
-    freedom: float,
-    speed: float,
-    begins: float,
-    density: float,
-) -> float:
-    """Log odds by motion that the last two of four rows go on from the first two."""
-    fastest = 0.0
-    for row in range(0, 4, 2):
-        dx, dy = centre[row + 1, 0] - centre[row, 0], centre[row + 1, 1] - centre[row, 1]
-        fastest = max(fastest, math.sqrt(dx * dx + dy * dy) / max(frame[row + 1] - frame[row], 1.0))
-    gx, gy = centre[2, 0] - centre[1, 0], centre[2, 1] - centre[1, 1]
-    if math.sqrt(gx * gx + gy * gy) > fastest * (frame[2] - frame[1]) + radius[0]:
-        return -math.inf
-    anew = _begun(frame, centre, radius, 2, place_px, place_radii, speed, begins, density)
-    first = _turn(frame, centre, radius, 1, place_px, place_radii, change, freedom, density)
-    return (
-        first
-        + _turn(frame, centre, radius, 2, place_px, place_radii, change, freedom, density)
-        - anew
-    )
+def _speed(one: int, other: int, marks: _LinkMarks) -> float:
+    """Speed between two rows, px per frame."""
+    away = marks.centre[other] - marks.centre[one]
+    elapsed = max(marks.frame[other] - marks.frame[one], 1.0)
+    return float(math.sqrt(away[0] * away[0] + away[1] * away[1]) / elapsed)
 
 
 def _explained(seen: Detections, rows: IntArray) -> NDArray[np.bool_]:
@@ -439,72 +579,38 @@ class _Pairs:
     """Where the links to each row begin; one more than rows."""
 
 
-def _pairs(
-    seen: Detections,
-    step: IntArray,
-    worth: FloatArray,
-    known: LinkParameters,
-    density: float,
-) -> _Pairs:
-    bounds = np.searchsorted(step, np.arange(int(step.max()) + 2))
-    size = len(seen) * _MAX_GAP * int(np.diff(bounds).max(initial=1))
+def _pairs(marks: _LinkMarks) -> _Pairs:
+    bounds = np.searchsorted(marks.step, np.arange(int(marks.step.max()) + 2))
+    size = len(marks.step) * _MAX_GAP * int(np.diff(bounds).max(initial=1))
     early, late = np.empty(size, dtype=np.int64), np.empty(size, dtype=np.int64)
     odds = np.empty(size)
-    start = np.zeros(len(seen) + 1, dtype=np.int64)
-    count = _linked(
-        step,
-        bounds,
-        seen.frame.astype(np.float64),
-        seen.centre_px,
-        seen.radius_px,
-        seen.colour,
-        known.log_radius,
-        known.colour,
-        known.missed,
-        known.speed_radii,
-        early,
-        late,
-        odds,
-        start,
-    )
+    start = np.zeros(len(marks.step) + 1, dtype=np.int64)
+    count = _linked(marks, bounds, early, late, odds, start)
     return _Pairs(early[:count], late[:count], odds[:count], start)
 
 
 @compiled
 def _linked(
-    step: IntArray,
+    marks: _LinkMarks,
     bounds: IntArray,
-    frame: FloatArray,
-    centre: FloatArray,
-    radius: FloatArray,
-    colour: FloatArray,
-    log_radius: float,
-    colour_scale: float,
-    missed: float,
-    speed: float,
     early: IntArray,
     late: IntArray,
     odds: FloatArray,
     start: IntArray,
 ) -> int:
     """Write the links of rows up to three steps apart that look alike."""
+    step = marks.step
     count = 0
     for row in range(len(step)):
         start[row] = count
-        for gap in range(1, 4):
+        for gap in range(1, _MAX_GAP + 1):
             place = step[row] - gap
             if place < 0:
                 break
             for other in range(bounds[place], bounds[place + 1]):
-                if abs(math.log(radius[row] / radius[other])) > 4.0 * log_radius:
+                if not _near(other, row, marks):
                     continue
-                dx, dy = centre[row, 0] - centre[other, 0], centre[row, 1] - centre[other, 1]
-                elapsed = frame[row] - frame[other]
-                size = 0.5 * (radius[row] + radius[other])
-                if dx * dx + dy * dy > (60.0 * speed * elapsed + 4.0) ** 2 * size * size:
-                    continue
-                alike = _alike(radius, colour, other, row, log_radius, colour_scale)
-                odds[count] = alike + (gap - 1) * math.log(missed)
+                odds[count] = _alike(other, row, marks) + (gap - 1) * math.log(marks.weights.missed)
                 early[count], late[count] = other, row
                 count += 1
     start[len(step)] = count
@@ -512,50 +618,50 @@ def _linked(
 
 
 @compiled
-def _alike(
-    radius: FloatArray,
-    colour: FloatArray,
-    one: int,
-    other: int,
-    log_radius: float,
-    colour_scale: float,
-) -> float:
+def _near(one: int, other: int, marks: _LinkMarks) -> bool:
+    """Whether two detections may be of one object: within four scales, sixty of its speed."""
+    radius, known = marks.radius, marks.weights
+    if abs(math.log(radius[other] / radius[one])) > 4.0 * known.log_radius:
+        return False
+    away = marks.centre[other] - marks.centre[one]
+    reach = 60.0 * known.speed_radii * (marks.frame[other] - marks.frame[one]) + 4.0
+    reach *= 0.5 * (radius[one] + radius[other])
+    return bool(away[0] * away[0] + away[1] * away[1] <= reach * reach)
+
+
+@compiled
+def _alike(one: int, other: int, marks: _LinkMarks) -> float:
     """Log odds by their looks that two detections are of one object.
 
     Radii of false detections spread over three octaves, colours over a cube.
     """
-    ratio = math.log(radius[other] / radius[one]) / log_radius
+    log_radius, scale = marks.weights.log_radius, marks.weights.colour
+    ratio = math.log(marks.radius[other] / marks.radius[one]) / log_radius
     off = 0.0
     for channel in range(3):
-        off += (colour[other, channel] - colour[one, channel]) ** 2
+        off += (marks.colour[other, channel] - marks.colour[one, channel]) ** 2
     odds = -0.5 * ratio * ratio - math.log(log_radius * 2.5066 / 2.0)
-    odds += -2.0 * math.log(1.0 + off / (colour_scale * colour_scale))
-    return odds + 3.0 * math.log(40.0 / (colour_scale + 10.0))
+    odds += -2.0 * math.log(1.0 + off / (scale * scale))
+    return odds + 3.0 * math.log(40.0 / (scale + 10.0))
 
 
 @compiled
 def _best_links(
-    frame: FloatArray,
-    centre: FloatArray,
-    radius: FloatArray,
-    worth: FloatArray,
+    marks: _LinkMarks,
     alive: NDArray[np.bool_],
     early: IntArray,
     late: IntArray,
     odds: FloatArray,
     start: IntArray,
-    place_px: float,
-    place_radii: float,
-    change: float,
-    freedom: float,
-    speed: float,
-    begins: float,
-    density: float,
     best: FloatArray,
     before: IntArray,
 ) -> None:
     """Write for each link the worth of the best chain that ends with it, and its link before."""
-    begin_odds = math.log(begins)
+    frame, centre, radius, worth = marks.frame, marks.centre, marks.radius, marks.worth
+    known = marks.weights
+    place_px, place_radii, change = known.place_px, known.place_radii, known.change_radii
+    freedom, speed, density = known.change_freedom, known.speed_radii, known.density
+    begin_odds = math.log(known.begins)
     time = np.empty(len(early))
     speed_x, speed_y = np.empty(len(early)), np.empty(len(early))
     steep = -0.5 * (freedom + 2.0)
@@ -595,50 +701,26 @@ def _best_links(
 
 
 def _chains(
-    seen: Detections,
-    step: IntArray,
-    worth: FloatArray,
-    pairs: _Pairs,
-    alive: NDArray[np.bool_],
-    known: LinkParameters,
-    density: float,
-) -> list[tuple[IntArray, float]]:
-    """Rows and log odds of the best chains that share no detection."""
+    seen: Detections, marks: _LinkMarks, pairs: _Pairs, alive: NDArray[np.bool_]
+) -> list[IntArray]:
+    """Rows of the best chains that share no detection."""
     best = np.empty(len(pairs.early))
     before = np.empty(len(pairs.early), dtype=np.int64)
-    _best_links(
-        seen.frame.astype(np.float64),
-        seen.centre_px,
-        seen.radius_px,
-        worth,
-        alive,
-        pairs.early,
-        pairs.late,
-        pairs.worth,
-        pairs.start,
-        known.place_px,
-        known.place_radii,
-        known.change_radii,
-        known.change_freedom,
-        known.speed_radii,
-        known.begins,
-        density,
-        best,
-        before,
-    )
-    end = math.log(known.begins)
+    _best_links(marks, alive, pairs.early, pairs.late, pairs.worth, pairs.start, best, before)
+    end = math.log(marks.weights.begins)
     used = np.zeros(len(seen), dtype=bool)
-    chains: list[tuple[IntArray, float]] = []
-    rows = np.empty(int(step.max()) + 1, dtype=np.int64)
-    for place in np.argsort(-best, kind="stable").tolist():
-        if best[place] + end <= 0.0 or len(chains) >= _PER_ROUND:
+    chains: list[IntArray] = []
+    rows = np.empty(int(marks.step.max()) + 1, dtype=np.int64)
+    order = np.argsort(-best, kind="stable")
+    place = count = 0
+    while len(chains) < _PER_ROUND:
+        place, count = _next_chain(
+            *(order, place, best, -end, pairs.early, pairs.late, before, used, rows)
+        )
+        if count == 0:
             break
-        count = _traced(place, pairs.early, pairs.late, before, used, rows)
-        if count < 3:
-            continue
-        chain = rows[:count][::-1].copy()
-        used |= _explained(seen, chain)
-        chains.append((chain, float(best[place]) + end))
+        chains.append(rows[:count][::-1].copy())
+        used |= _explained(seen, chains[-1])
     return chains
 
 
@@ -664,3 +746,24 @@ def _traced(
         count += 1
         place = before[place]
     return count
+
+
+@compiled
+def _next_chain(
+    order: IntArray,
+    place: int,
+    best: FloatArray,
+    least: float,
+    early: IntArray,
+    late: IntArray,
+    before: IntArray,
+    used: NDArray[np.bool_],
+    rows: IntArray,
+) -> tuple[int, int]:
+    """Write the next best chain none of whose rows are used; the place after it, and its rows."""
+    while place < len(order) and best[order[place]] > least:
+        count = _traced(order[place], early, late, before, used, rows)
+        place += 1
+        if count >= MIN_FOUND_ROWS:
+            return place, count
+    return place, 0

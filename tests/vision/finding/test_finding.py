@@ -120,6 +120,21 @@ def test_a_struck_ball_with_missed_frames_is_one_tracklet_among_strays() -> None
     assert np.hypot(*(best.centre_px - places[best.frame]).T).max() < 2.0
 
 
+@pytest.mark.parametrize("speed", [8.0, 24.0])
+def test_a_ball_that_passes_what_lies_still_is_one_tracklet(speed: float) -> None:
+    """What lies still is hidden from the frame on in which the ball has come to it."""
+    rng = np.random.default_rng(3)
+    time = np.arange(18.0)
+    passing = np.column_stack([30.0 + speed * time, 60.0 + 0.1 * (time - 4.0) ** 2])
+    ball = _detections(list(range(12, 30)), passing + rng.normal(0, 0.2, (18, 2)), 9.0)
+    place = passing[7] + np.array([0.0, 8.0])
+    still = _detections(list(range(20)), place + rng.normal(0, 0.2, (20, 2)), 9.0)
+    found = link(_mixed([ball, still]), np.arange(30), (480, 640))
+    moving = [one for one in found if np.ptp(one.centre_px[:, 0]) > 100.0]
+    assert [len(one) for one in moving] == [18]
+    assert np.hypot(*(moving[0].centre_px - passing[moving[0].frame - 12]).T).max() < 2.0
+
+
 def test_strays_alone_make_no_tracklet_worth_much() -> None:
     rng = np.random.default_rng(2)
     strays = [
