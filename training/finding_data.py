@@ -93,7 +93,10 @@ def recorded(path: Path, name: str, kind: str, bodies: dict[str, FloatArray] | N
     frames = searched_frames(scene)
     held = np.array([footage.in_clip(frame) for frame in frames.tolist()])
     if bodies is None:
-        bodies = of_csv(path.parent / "truth" / f"{path.stem}.csv", footage.whole_count)
+        # a clip stored on its side is followed as it is shown
+        shown = path.parent / "truth" / f"{path.stem}.display.csv"
+        stored = path.parent / "truth" / f"{path.stem}.csv"
+        bodies = of_csv(shown if shown.is_file() else stored, footage.whole_count)
     shifts = scene.shifts()
     placed = {}
     for body, places in bodies.items():
