@@ -459,12 +459,17 @@ class Forward:
 
         They are followed in steps of `step` seconds.
         """
-        body = self._pendulum()
+        body, true = self._pendulum(), _true_inputs(terms)
+        inertia, mass = true.get("inertia", 1.0), true.get("pendulum_mass", 1.0)
+        com = true.get("com", 1.0)
+        if self.mode == "swing":
+            # A free swing keeps its own pace, whatever the setup states of the pendulum.
+            stiffer = stiffer * inertia / (mass * com)
         model = SwingModel(
-            body.length,
-            body.inertia,
-            body.mass,
-            body.com,
+            body.length * true.get("length", 1.0),
+            body.inertia * inertia,
+            body.mass * mass,
+            body.com * com,
             self.baseline.gravity,
             _acting(terms),
             stiffer * self.pace**2,
@@ -534,11 +539,11 @@ class Forward:
     def _integrate_flight(
         self, terms: Sequence[BatchTerm], state: FloatArray, since: FloatArray
     ) -> Trajectory:
-        base, records = self.baseline, self.records
+        base, records, true = self.baseline, self.records, _true_inputs(terms)
         model = FlightModel(
-            records.mass,
-            records.diameter,
-            base.air_density,
+            records.mass * true.get("ball_mass", 1.0),
+            records.diameter * true.get("diameter", 1.0),
+            base.air_density * true.get("air_density", 1.0),
             base.air_viscosity,
             base.gravity,
             _acting(terms),
@@ -698,10 +703,10 @@ class PendulumBody:
     com: float
 
 
-STRIKE_HOOKS = frozenset({"start", "torque", "contact", "clock"})
+STRIKE_HOOKS = frozenset({"start", "torque", "contact", "clock", "inputs"})
 """Hooks of laws on which a strike depends, from its back-swing to the ball's release."""
 
-FLIGHT_HOOKS = frozenset({"force"})
+FLIGHT_HOOKS = frozenset({"force", "inputs"})
 """Hooks of laws on which a flight depends, given its start."""
 
 
@@ -766,6 +771,17 @@ def _lanes(outcome: Outcome, lanes: LaneIndex, count: int) -> Outcome:
 def _read_components(terms: Sequence[BatchTerm]) -> int:
     """Components of a ball's state that are read: velocities only where images depend on them."""
     return 6 if any("image" in term.effect.hooks for term in terms) else 3
+
+
+def _true_inputs(terms: Sequence[BatchTerm]) -> dict[str, FloatArray]:
+    """True over stated value of each input that is open, (rows, 1)."""
+    rows = max((term.rows.stop for term in terms), default=0)
+    found: dict[str, FloatArray] = {}
+    for term in terms:
+        if "inputs" in term.effect.hooks:
+            for name, factor in term.effect.inputs(term.values).items():
+                found.setdefault(name, np.ones((rows, 1)))[term.rows] *= factor
+    return found
 
 
 def _acting(terms: Sequence[BatchTerm]) -> tuple[ActingEffect, ...]:

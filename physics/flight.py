@@ -28,7 +28,7 @@ from physics.domain import (
     require_non_negative,
     require_positive,
 )
-from physics.effects.base import FlightState, Term
+from physics.effects.base import FlightState, Term, rows_of
 from physics.effects.flight import Drag, DragByReynolds, DragThroughLayer, Magnus
 from physics.integrator import SolvedPath, ZeroCrossing, follow_until, runge_kutta_step
 
@@ -102,7 +102,7 @@ class FlightModel:
             seen = self._seen(time, state, at, _part(drag, at), _part(spin, at))
             forces = [term.effect.force(term.values, seen) for term in terms]
             for axis, along in enumerate(zip(*forces, strict=True), start=3):
-                slope[(axis, at)] += sum(along[1:], along[0]) / self.mass
+                slope[(axis, at)] += sum(along[1:], along[0]) / rows_of(self.mass, at)
         return slope
 
     def _seen(
@@ -114,9 +114,11 @@ class FlightModel:
         spin: Number = 0.0,
     ) -> FlightState:
         x, y, z, vx, vy, vz = state if at is ... else state[:, at]
+        stated = (self.mass, self.diameter, self.air_density)
+        mass, diameter, density = (rows_of(one, at) for one in stated)
         return FlightState(
-            time, x, y, z, vx, vy, vz, self.mass, self.diameter, self.air_density,
-            self.air_viscosity, self.gravity, drag, spin, self.impact_speed, self.order,
+            time, x, y, z, vx, vy, vz, mass, diameter, density, self.air_viscosity, self.gravity,
+            drag, spin, self.impact_speed, self.order,
         )  # fmt: skip
 
     @cached_property

@@ -10,7 +10,7 @@ import numpy as np
 from metrology import DomainError
 from physics.bodies import GRAVITY, Pendulum
 from physics.domain import FloatArray, FloatOrArray, Number, require_angle, require_positive
-from physics.effects.base import Coordinate, SwingState, Term
+from physics.effects.base import Coordinate, SwingState, Term, rows_of
 from physics.integrator import SolvedPath, ZeroCrossing, follow_until
 
 __all__ = [
@@ -119,10 +119,10 @@ class SwingModel:
         Factor on m g d, for a pendulum whose natural frequency differs from trial to trial.
     order : Number
         As in `SwingState`.
+    step : Number
         Of the solver, s; 0 where it resolves turning points.
     losses : Number
         Factor on torques that depend on the rate, for a bearing with varying losses.
-        Factor on torques that go with the rate, for a bearing that does not repeat.
     """
 
     length: Number
@@ -146,7 +146,7 @@ class SwingModel:
     def torque(self, phi: Number, omega: Number) -> Number:
         """Torque of the effects, N m, at an angle (rad) and a rate (rad/s)."""
         return sum(
-            (t.effect.torque(t.values, self._seen(phi, omega)) for t in self._braking),
+            (t.effect.torque(t.values, self._seen(b, phi, omega)) for t, b in self._braking),
             np.zeros_like(np.asarray(omega, dtype=np.float64)),
         )
 
@@ -168,29 +168,35 @@ class SwingModel:
         slope[0] = state[1]
         slope[1] = self._restoring * np.sin(state[0])
         gained, losses = slope[1] * self.step, np.asarray(self.losses)
-        for term in self._braking:
+        for term, body in self._braking:
             at = term.where
-            now = self._seen(state[0][at], state[1][at], gained[at])
-            gain = term.effect.torque(term.values, now) / self.inertia
+            now = self._seen(body, state[0][at], state[1][at], gained[at])
+            gain = term.effect.torque(term.values, now) / now.inertia
             if term.effect.coordinate is Coordinate.RATE:
                 gain = gain * (losses[at] if losses.ndim > 1 else losses)
             slope[(1, at)] += gain
         return slope
 
     @cached_property
-    def _braking(self) -> tuple[Term, ...]:
-        return tuple(term for term in self.terms if term.brakes)
+    def _braking(self) -> tuple[tuple[Term, tuple[Number, ...]], ...]:
+        """Terms with a torque, each with inertia, mass, centre and length in its members."""
+        body = (self.inertia, self.mass, self.com, self.length)
+        return tuple(
+            (term, tuple(rows_of(one, term.where) for one in body))
+            for term in self.terms
+            if term.brakes
+        )
 
     @cached_property
     def _restoring(self) -> Number:
         """Angular acceleration by the weight over the sine of the angle, 1/s²."""
         return -(self.mass * self.gravity * self.com / self.inertia * self.stiffer)
 
-    def _seen(self, phi: Number, omega: Number, gained: Number = 0.0) -> SwingState:
-        return SwingState(
-            phi, omega, self.inertia, self.mass, self.com, self.length, self.gravity, self.order,
-            gained,
-        )  # fmt: skip
+    def _seen(
+        self, body: Sequence[Number], phi: Number, omega: Number, gained: Number = 0.0
+    ) -> SwingState:
+        inertia, mass, com, length = body
+        return SwingState(phi, omega, inertia, mass, com, length, self.gravity, self.order, gained)
 
 
 @dataclass(frozen=True)

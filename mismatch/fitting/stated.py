@@ -11,11 +11,9 @@ from physics.effects import (
     Contact,
     Effect,
     EffectId,
-    FlightState,
     Outcome,
     Parameter,
     Phase,
-    SwingState,
     Values,
 )
 from physics.effects.impact import add_normal_speeds
@@ -33,8 +31,10 @@ STATED_INPUTS = {
     "inertia": "moment of inertia of the pendulum",
     "pendulum_mass": "mass of the pendulum",
     "com": "distance of the pendulum's centre of mass",
+    "length": "length of the pendulum",
     "ball_mass": "mass of the ball",
     "diameter": "diameter of the ball",
+    "air_density": "density of the air",
 }
 """Inputs whose stated uncertainty every fit keeps, and what they are."""
 
@@ -64,7 +64,7 @@ USUAL_INPUTS = "usual_inputs"
 
 @dataclass(frozen=True)
 class StatedInputs(Effect):
-    """Relative errors of the stated pendulum and ball, shared by all trials."""
+    """Relative errors of the stated pendulum, ball and air, shared by all trials."""
 
     id: str = "stated_inputs"
     statement: str = "Mass, size or inertia differ from what the setup states."
@@ -77,30 +77,20 @@ class StatedInputs(Effect):
     def _error(self, values: Values, name: str) -> Number:
         return values.get(name, 0.0)
 
-    def torque(self, values: Values, swing: SwingState) -> Number:
-        """Weight's torque over inertia, changed by their errors."""
-        change = (
-            self._error(values, "pendulum_mass")
-            + self._error(values, "com")
-            - self._error(values, "inertia")
-        )
-        weight = swing.mass * swing.gravity * swing.com * np.sin(swing.phi)
-        return -weight * change
+    def inputs(self, values: Values) -> Values:
+        """Bodies and air as they are."""
+        return {name: 1.0 + off for name, off in values.items() if name in STATED_INPUTS}
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
-        """Speeds after contact, by the ratio of the two masses that meet."""
-        fraction = contact.ball_mass / (contact.inertial_mass + contact.ball_mass)
-        speed = np.hypot(outcome.vx, outcome.vy)
-        change = (
-            fraction * speed * (self._error(values, "inertia") - self._error(values, "ball_mass"))
-        )
-        return add_normal_speeds(contact, outcome, change, change)
+        """Speeds after contact, by the ratio of the two masses that meet.
 
-    def force(self, values: Values, flight: FlightState) -> Vector:
-        """Drag over mass, changed by the errors of mass and diameter."""
-        change = 2.0 * self._error(values, "diameter") - self._error(values, "ball_mass")
-        k = -flight.dynamic_area * flight.drag_coefficient * flight.speed * change
-        return k * flight.vx, k * flight.vy, k * flight.vz
+        A longer pendulum is faster at its face, and lighter.
+        """
+        fraction = contact.ball_mass / (contact.inertial_mass + contact.ball_mass)
+        speed, longer = np.hypot(outcome.vx, outcome.vy), self._error(values, "length")
+        heavier = self._error(values, "inertia") - 2.0 * longer - self._error(values, "ball_mass")
+        change = fraction * speed * heavier
+        return add_normal_speeds(contact, outcome, change + longer * speed, change)
 
 
 @dataclass(frozen=True)
@@ -111,21 +101,6 @@ class UsualInputs(StatedInputs):
     statement: str = "Inputs and instruments are off by what careful laboratories have."
     separating: str = "the masses weighed and the scale, level and clock measured once more"
     looseness: float = 0.0
-
-    def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
-        """Masses as in `StatedInputs`; a longer pendulum is faster at its face, and lighter."""
-        longer = self._error(values, "length")
-        masses = dict(values) | {"inertia": self._error(values, "inertia") - 2.0 * longer}
-        found = super().contact(masses, contact, outcome)
-        return add_normal_speeds(
-            contact, found, longer * np.hypot(outcome.vx, outcome.vy), 0.0 * longer
-        )
-
-    def force(self, values: Values, flight: FlightState) -> Vector:
-        """Drag over mass, changed by the errors of air, mass and diameter."""
-        denser = self._error(values, "air_density")
-        masses = dict(values) | {"ball_mass": self._error(values, "ball_mass") - denser}
-        return super().force(masses, flight)
 
     def clock(self, values: Values, time: Number) -> Number:
         """A frame rate that is not quite the nominal one."""

@@ -538,14 +538,8 @@ class Effect:
     sharp: bool = True
 
     HOOKS: ClassVar[tuple[str, ...]] = (
-        "force",
-        "torque",
-        "start",
-        "contact",
-        "clock",
-        "image",
-        "angle",
-    )
+        "force", "torque", "start", "contact", "clock", "image", "angle", "inputs",
+    )  # fmt: skip
 
     @property
     def hooks(self) -> frozenset[str]:
@@ -601,6 +595,15 @@ class Effect:
     def angle(self, values: Values, view: CameraView) -> Number:
         """Recorded angle of the pendulum, rad."""
         return view.phi
+
+    def inputs(self, values: Values) -> Values:
+        """True over stated value of bodies and air, by name."""
+        return {}
+
+
+def rows_of(value: Number, where: slice | EllipsisType) -> Number:
+    """Rows of a batch of a value that differs from row to row; one shared by all as it is."""
+    return value[where] if isinstance(value, np.ndarray) and value.ndim > 1 else value
 
 
 _OVERRIDDEN: dict[type[Effect], frozenset[str]] = {}

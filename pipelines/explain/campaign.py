@@ -48,7 +48,7 @@ from pipelines.explain.tabular import (
     read_sheet,
 )
 from pipelines.interop.tables import made_elsewhere, read_samples
-from pipelines.setup.file import BallSetup, Setup, load_setup
+from pipelines.setup.file import BallSetup, Origin, Setup, load_setup, rig_of
 
 __all__ = [
     "baseline_for_balls",
@@ -455,7 +455,7 @@ def baseline_for_balls(setup: Setup, named: Iterable[str], struck: bool) -> Base
         replace(Scatter(), **scatter),
         setup.noise.position,
         setup.noise.angle,
-        stated_inputs(_stated_errors(setup, balls, struck)) if balls else (),
+        stated_inputs(_stated_errors(setup, balls, struck)),
     )
 
 
@@ -463,11 +463,13 @@ def _stated_errors(
     setup: Setup, balls: Mapping[str, BallModel], struck: bool
 ) -> dict[str, float | None]:
     """Relative standard uncertainties that the setup states; balls share the largest."""
-    pendulum, std = setup.pendulum, setup.pendulum_std
+    pendulum, std, air = setup.pendulum, setup.pendulum_std, rig_of(setup, None).air_density
     found: dict[str, float | None] = {}
-    if struck and pendulum is not None:
-        stated = {"inertia": "inertia", "pendulum_mass": "mass", "com": "com"}
-        for name, key in stated.items():
+    if balls and air.std_from is Origin.SETUP:
+        found["air_density"] = air.relative_std
+    if (struck or not balls) and pendulum is not None:
+        for name in ("inertia", "pendulum_mass", "com", "length"):
+            key = name.removeprefix("pendulum_")
             size = getattr(std, key)
             found[name] = size / getattr(pendulum, key) if size else None
     known = [setup.balls.get(name) or setup.ball for name in balls]
@@ -811,7 +813,8 @@ def explain_campaign(
     """Explain a campaign that has been read or measured."""
     baseline = baseline_from_setup(known, campaign)
     if isinstance(campaign, ClipCampaign):
-        baseline = replace(baseline, instruments=campaign.instruments, assumed=campaign.assumed)
+        instruments = (*baseline.instruments, *campaign.instruments)
+        baseline = replace(baseline, instruments=instruments, assumed=campaign.assumed)
     own = _own(effects)
     with effect_limits(own):
         explained = explain_in_full(
