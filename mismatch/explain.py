@@ -588,12 +588,20 @@ def _groups(best: Hypothesis | None, rivals: Sequence[Hypothesis]) -> tuple[tupl
     for rival in sorted(rivals, key=lambda one: len(set(best.ids) - set(one.ids))):
         left = [one for one in best.ids if one not in rival.ids]
         theirs = [one for one in rival.ids if one not in best.ids]
-        ways = [list(zip(left, order, strict=False)) for order in permutations(theirs)]
+        # One law may stand for two, and two for one.
+        size = max(len(left), len(theirs))
+        ways = [list(zip(_filled(left, size), _filled(order, size), strict=True))
+                for order in permutations(theirs)]  # fmt: skip
         for mine, other in min(ways, key=apart):
             group = groups[best.ids.index(mine)]
             if other not in group:
                 group.append(other)
     return tuple(tuple(group) for group in groups if len(group) > 1)
+
+
+def _filled(names: Sequence[str], size: int) -> tuple[str, ...]:
+    """Names in order, the last one repeated."""
+    return tuple(names[min(k, len(names) - 1)] for k in range(size))
 
 
 def _floating_notes(forward: Forward) -> tuple[str, ...]:
@@ -748,7 +756,7 @@ def _alternatives(naming: Naming, passed: Passed) -> tuple[Alternative, ...]:
     best = naming.best
     if best is None:
         return ()
-    rows = []
+    rows, rivals = [], naming.rivals()
     if not passed.names:
         rows.append(Alternative(best.ids, "; ".join(d.value for d in passed.doubts), 0.0))
     seen = {tuple(sorted(best.ids))}
@@ -760,10 +768,10 @@ def _alternatives(naming: Naming, passed: Passed) -> tuple[Alternative, ...]:
         behind = best.penalised_gain - h.penalised_gain
         if not h.allowed:
             why = "its parameters leave what nature allows"
+        elif h in rivals:
+            why = "not excluded: the data can't tell it apart"
         elif len(h.members) > len(best.members) and behind < 60.0:
             why = "the further effect explains no more than chance or an imperfect law would"
-        elif h in naming.rivals():
-            why = "not excluded: the data can't tell it apart"
         elif best.gain > h.gain:
             why = f"fits worse by {best.gain - h.gain:.1f} in chi-square"
         else:

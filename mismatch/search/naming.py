@@ -217,7 +217,7 @@ class Naming:
         return found
 
     def rivals(self) -> tuple[Hypothesis, ...]:
-        """Answers of the same size that the data can't tell from the best one.
+        """Answers that the data can't tell from the best one.
 
         Laws are compared by all their forms together, and by their best forms: what either leaves
         open is not excluded, as far as it belongs to the most probable `CREDIBLE` of all.
@@ -244,9 +244,26 @@ class Naming:
         near = [best, *(h for h in alike if min(behind(h), best.quality - h.quality) <= tolerance)]
         gaps = {tuple(sorted(h.ids)): behind(h) for h in near}
         credible = _credible(gaps, tolerance) | {tuple(sorted(best.ids))}
-        return tuple(
-            h for h in alike if tuple(sorted(h.ids)) in credible or not told_apart(best, h)
+        return (
+            *(h for h in alike if tuple(sorted(h.ids)) in credible or not told_apart(best, h)),
+            *self._of_other_sizes(best, tolerance),
         )
+
+    def _of_other_sizes(self, best: Hypothesis, tolerance: float) -> list[Hypothesis]:
+        """Sets with fewer or more names in place of the answer's, with as much evidence.
+
+        More names follow an imperfect law anyway: of those, evidence alone is compared.
+        """
+        mine, size = set(best.ids), len(best.members)
+        return [
+            h
+            for h in self.tried
+            if h.allowed
+            and len(h.members) != size
+            and not (mine <= set(h.ids) or set(h.ids) <= mine)
+            and self.height(best) - self.height(h)
+            <= (tolerance if len(h.members) < size else EXCLUDED * best.reduced_chi2)
+        ]
 
     def best_without(self, identity: str) -> Hypothesis | None:
         """The best allowed set of names, of any size, that does without one of them.
@@ -334,7 +351,11 @@ CREDIBLE = 0.95
 
 """Share of the probability that an answer and those not excluded in its place have together."""
 
-ODDS = 7.0 / WEIGHT_SCALE
+EXCLUDED = 7.0
+
+"""Chi-square units, odds of one to thirty, from which an answer is excluded."""
+
+ODDS = EXCLUDED / WEIGHT_SCALE
 
 """Factors e that a tolerance stands for."""
 

@@ -17,6 +17,7 @@ from mismatch.acceptance import (
     other_sizes,
 )
 from mismatch.candidates import Candidate
+from mismatch.explain import _groups
 from mismatch.fitting.fit import Fit, free_parameters
 from mismatch.fitting.hypotheses import EXACT, FormEvidence, Hypothesis
 from mismatch.fitting.prepare import prepare
@@ -224,6 +225,25 @@ def test_one_law_that_averages_two_is_tested_against_the_pair():
     assert other_sizes(naming, one) == (pair,)
     naming = Naming(one, (one, poor), 12.0, SimpleNamespace(candidates=()))
     assert other_sizes(naming, one) == ()
+
+
+def test_sets_of_other_sizes_stand_in_the_group_of_what_they_replace():
+    """The true pair was 0.6 units from one law that averages it, and in no group."""
+    one, pair = (
+        _answer(("viscous_damping",), 90.0),
+        _answer(("bearing_friction", "pendulum_drag"), 98.0),
+    )
+    more = _answer(("viscous_damping", "pendulum_drag"), 95.0)
+    tried = SimpleNamespace(candidates=())
+    assert Naming(one, (more, one, pair), 12.0, tried).rivals() == (pair,)
+    assert _groups(one, (pair,)) == (("viscous_damping", "bearing_friction", "pendulum_drag"),)
+    far = replace(pair, gain=70.0)
+    assert Naming(one, (one, far), 12.0, tried).rivals() == ()
+    assert Naming(pair, (pair, one), 12.0, tried).rivals() == (one,)
+    assert _groups(pair, (one,)) == (
+        ("bearing_friction", "viscous_damping"),
+        ("pendulum_drag", "viscous_damping"),
+    )
 
 
 def test_instants_chosen_in_each_trial_are_doubted_where_choosing_them_is_the_gain():
