@@ -371,12 +371,16 @@ def measurement_of(
         if findings and check.kind in (CheckKind.GRAVITY, CheckKind.BALL_SIZE)
     }
     later = [one for one in found.warnings if one not in explained]
+    results = found.results
+    clocks = next((finding for finding in findings if finding.key == "pace"), None)
+    if clocks is not None:
+        results = results.withheld(clocks.sentence.removeprefix("Likely cause: "))
     return ClipMeasurement(
         info=info,
         rate=found.rate,
-        quantities=found.results.quantities,
-        other_speeds=found.results.other_speeds,
-        gravity=found.results.gravity,
+        quantities=results.quantities,
+        other_speeds=results.other_speeds,
+        gravity=results.gravity,
         checks=found.results.checks,
         warnings=tuple(
             dict.fromkeys(
@@ -396,7 +400,7 @@ def measurement_of(
         defaults=followed.inputs.rig.defaults_used,
         findings=findings,
         assumed=found.assumed,
-        joint=found.results.joint,
+        joint=results.joint,
     )
 
 

@@ -769,7 +769,9 @@ def _measured(
             errors.print(f"assumed: {assumption}", soft_wrap=True)
     if wanted.json == "-":
         sys.stdout.write(measurement_as_json(measured, names) + "\n")
-    elif not wanted.quiet:
+    elif not wanted.quiet and any(
+        item.known and item.name in names for item in measured.quantities
+    ):
         screen().print(results_table(measured, names))
         if wanted.report is not None and budgets:
             _print_budgets(measured, names)

@@ -209,6 +209,16 @@ class Results:
     warnings: tuple[str, ...]
     joint: JointCovariance
 
+    def withheld(self, reason: str) -> "Results":
+        """The results without any value, for one reason."""
+        return replace(
+            self,
+            quantities=tuple(Quantity.missing(q.name, q.unit, reason) for q in self.quantities),
+            other_speeds=(),
+            gravity=Quantity.missing(self.gravity.name, self.gravity.unit, reason),
+            joint=JointCovariance((), np.zeros((0, 0))),
+        )
+
 
 def results_of(
     evaluated: Evaluated,

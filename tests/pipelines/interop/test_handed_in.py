@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from typer.testing import CliRunner
 
 from metrology import MeasurementError, UsageError
 from pipelines.api.quantities import measure_options
 from pipelines.checker.fall import find_fall, units_by_fall
+from pipelines.cli import app
 from pipelines.interop.headers import positions_of, read_clock, time_column
 from pipelines.interop.measured import measure_from_tracks, read_tracks
 from pipelines.interop.tables import parse_columns
@@ -315,3 +317,22 @@ def test_too_few_pictures_are_named_as_the_cause(tmp_path: Path) -> None:
     found = measure_from_tracks(tmp_path / "t.csv", measure_options(fps="60"))
     assert not any(one.known for one in found.quantities)
     assert "seen in only 6 pictures" in (found.quantity("ball_speed").reason or "")
+
+
+def test_nothing_is_stated_across_two_speeds_of_a_recording(tmp_path: Path) -> None:
+    fast, slow = 8.0 / 240.0, 1.0 / 240.0
+    steps = np.repeat([fast, slow, fast], [5, 60, 5])
+    seconds = np.concatenate([[0.0], np.cumsum(steps)])
+    noise = np.random.default_rng(3).normal(0.0, 3e-4, (len(seconds), 2))
+    place = np.column_stack([1.9 * seconds, 2.2 * seconds - 0.5 * 9.81 * seconds**2]) + noise
+    table = np.column_stack([np.arange(len(seconds)) / 30.0, place])
+    path = tmp_path / "t.csv"
+    np.savetxt(path, table, delimiter=",", header="t (s),x (m),y (m)", comments="")
+    found = measure_from_tracks(path, measure_options(ball="220 mm"))
+    assert [one.name for one in found.quantities if one.known] == []
+    assert "in slow motion" in (found.quantity("flight_speed").reason or "")
+    assert found.findings[0].key == "pace"
+    ran = CliRunner().invoke(app, ["measure", "--from-tracks", str(path), "--ball", "220 mm"])
+    assert ran.exit_code == 4
+    assert ran.stdout == ""
+    assert "Export it again at one speed" in ran.stderr.split("nothing can be measured")[1]
