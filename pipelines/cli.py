@@ -4,13 +4,14 @@ import atexit
 import functools
 import gc
 import os
+import time
 from importlib import import_module
 from typing import Any, NamedTuple
 
 import typer
 from typer.core import TyperGroup
 
-from pipelines.doors import DEBUG, guarded, loading
+from pipelines.doors import DATE, DEBUG, guarded, loading
 
 __all__ = ["app"]
 
@@ -136,6 +137,11 @@ class _LazyGroup(TyperGroup):
         # click suggests corrections of a mistyped command from these names
         self.commands: Any = dict.fromkeys(_COMMANDS)
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Accept ``--date`` behind the command, too."""
+        words = [word for word in args if word != "--date"]
+        return super().parse_args(ctx, ["--date", *words] if len(words) < len(args) else words)
+
     def list_commands(self, ctx: Any) -> list[str]:
         """Names of the commands, in the order of the table."""
         return list(_COMMANDS)
@@ -217,6 +223,12 @@ def _main(
     debug: bool = typer.Option(
         False, "--debug", help="Show the traceback when a fit fails numerically."
     ),
+    date: bool = typer.Option(
+        False, "--date", help="Write today's date into reports and SVGs (of any command)."
+    ),
 ) -> None:
     if debug:
         os.environ[DEBUG] = "1"
+    os.environ.pop(DATE, None)
+    if date:
+        os.environ[DATE] = time.strftime("%Y-%m-%d")

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from metrology import MeasurementError
 
 __all__ = [
+    "DATE",
     "DEBUG",
     "BallAtOption",
     "BallOption",
@@ -66,6 +67,10 @@ __all__ = [
 
 DEBUG = "IMPACT_VISION_DEBUG"
 """Environment variable: keep the traceback of a numerical failure (set by ``vision --debug``)."""
+
+DATE = "IMPACT_VISION_DATE"
+"""Environment variable: day written into reports and SVGs (set by ``--date``); else there is none,
+so that the same run gives the same bytes."""
 
 _FILE_ERRORS = frozenset(
     {

@@ -537,7 +537,6 @@ _STYLE: Any = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "legend.frameon": False,
-    "svg.hashsalt": "impact-vision",
 }
 
 """Font size and line widths, points: readable on a page printed at half size."""

@@ -2,6 +2,7 @@
 
 import base64
 import io
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -22,6 +23,8 @@ from physics.cor_fit import AveragedLaw
 from pipelines.campaign.analysis import BallAnalysis, CampaignAnalysis, SensorAnalysis
 from pipelines.campaign.ledger import State
 from pipelines.campaign.results import SENSORS, ClipResult
+from pipelines.doors import DATE
+from pipelines.report.plots import draw_into
 
 __all__ = ["ReportFacts", "draw_figures", "svg_text", "write_figures", "write_report"]
 
@@ -335,9 +338,9 @@ def _agreement(one: SensorAnalysis) -> Figure:
 
 
 def svg_text(figure: Figure) -> str:
-    """Figure as SVG text without a date, so that it is reproducible."""
+    """Figure as SVG text."""
     buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None})
+    draw_into(buffer, figure, ".svg")
     text = buffer.getvalue()
     return text[text.index("<svg") :]
 
@@ -351,7 +354,7 @@ def write_figures(
         for suffix in (".svg", ".png"):
             path = folder / f"{name}{suffix}"
             with written_whole(path) as temporary:
-                figure.savefig(temporary, format=suffix[1:], dpi=150)
+                draw_into(temporary, figure, suffix, dpi=150)
             note(path)
 
 
@@ -428,6 +431,7 @@ def write_report(
         ],
         clips=[_clip(item) for item in done[:_MAX_REPORT_ROWS]],
         unlisted=max(0, len(done) - _MAX_REPORT_ROWS),
+        made=os.environ.get(DATE, ""),
     )
     write_text_whole(path, page)
 

@@ -3,6 +3,7 @@
 import base64
 import hashlib
 import io
+import os
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from jinja2 import Environment
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.mathtext import math_to_image
 from numpy.typing import NDArray
@@ -28,8 +30,9 @@ from mismatch.trial_table import Answer, TableExplained
 from mismatch.verdict import NamedEffect
 from physics.domain import FloatArray, Vector
 from physics.effects import Coordinate, Effect, EffectId, FlightState, Values
+from pipelines.doors import DATE
 from pipelines.explain.tried import rows_of_tried
-from pipelines.report.plots import Picture
+from pipelines.report.plots import Picture, draw_into
 
 __all__ = [
     "draw_explained",
@@ -191,7 +194,7 @@ def draw_explained(explained: ExplainedCampaign | TableExplained, path: Path) ->
     """Write the figure as PNG or SVG."""
     figure = figure_of(explained)
     with written_whole(path) as part:
-        figure.savefig(part, format=path.suffix.lstrip(".") or "png", dpi=130)
+        draw_into(part, figure, path.suffix or ".png", dpi=130)
 
 
 MAX_PANELS = 6
@@ -735,10 +738,12 @@ def _typeset(law: str) -> str:
     law = re.sub(r"\\tfrac(\d)(\d)", r"\\frac{\1}{\2}", law).replace(r"\tfrac", r"\frac")
     law = re.sub(r"\\(mathbf|boldsymbol) ?(\\[A-Za-z]+|[A-Za-z])", r"\\\1{\2}", law)
     try:
-        math_to_image(f"${law}$", buffer, dpi=150, format="svg")
+        with rc_context({"svg.hashsalt": "impact-vision"}):
+            math_to_image(f"${law}$", buffer, dpi=150, format="svg")
     except (ValueError, RuntimeError):
         return ""
-    return base64.b64encode(buffer.getvalue()).decode("ascii")
+    undated = re.sub(rb"<dc:date>.*?</dc:date>", b"", buffer.getvalue())
+    return base64.b64encode(undated).decode("ascii")
 
 
 def _effect_sections(explained: ExplainedCampaign | TableExplained) -> list[_EffectSection]:
@@ -776,6 +781,7 @@ def explain_report_html(
         "png": _png(figure_of(explained)),
         "sources": _provenance(rests_on),
         "version": version("impact-vision"),
+        "made": os.environ.get(DATE, ""),
         "libraries": ", ".join(f"{name} {version(name)}" for name in REPORTED_LIBRARIES),
     }
     if isinstance(explained, TableExplained):

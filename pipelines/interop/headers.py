@@ -168,10 +168,12 @@ _MIN_VALUES = 2
 
 
 def is_value(cell: str) -> bool:
-    """Whether a cell is a number, a time or a date, or says that there is none."""
-    return bool(re.fullmatch(r"\s*[-+]?[\d.,:/ T\u2212-]*\d[\d.,:eE+Z-]*\s*", cell)) or (
-        cell.strip().casefold() in ("nan", "na", "n/a")
-    )
+    """Whether a cell is a number, with or without a unit, a time, a date, or says: none."""
+    found = re.fullmatch(r"\s*[-+]?[\d.,:/ T\u2212-]*\d[\d.,:eE+Z-]*\s*(\D*)", cell)
+    if found is None:
+        return cell.strip().casefold() in ("nan", "na", "n/a")
+    unit = found[1].strip().split("/")[0]
+    return not unit or unit_word(unit) in _UNITS
 
 
 def is_unit_row(cells: Sequence[str]) -> bool:

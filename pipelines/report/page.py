@@ -2,6 +2,7 @@
 
 import base64
 import io
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from metrology import Contribution, Quantity, write_text_whole
 from metrology.quantity import format_pair, format_unit
+from pipelines.doors import DATE
 from pipelines.report.inputs import ReportInput, for_people, quantity_label, quantity_text
 
 if TYPE_CHECKING:
@@ -138,6 +140,7 @@ def report_html(report: ReportInput, panels: "Sequence[Panel]" = ()) -> str:
         shared_reasons=common,
         plots=plots,
         still=still,
+        made=os.environ.get(DATE, ""),
     )
 
 

@@ -1,9 +1,10 @@
 """Plots of one measurement: gap, speeds, path on the wall, residuals."""
 
 import io
+import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import matplotlib
 import numpy as np
@@ -12,11 +13,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from metrology import UsageError, written_whole
+from pipelines.doors import DATE
 from pipelines.report.inputs import GapRecord, Moment, PathRecord, ReportInput, SpeedRecord
 
 __all__ = [
     "Panel",
     "Picture",
+    "draw_into",
     "panel_svg",
     "panels_of",
     "plot_panel",
@@ -52,10 +55,18 @@ def save_figure(figure: Figure, path: Path, hint: str | None = None) -> None:
     kind = path.suffix.lower()
     if kind not in _SUFFIXES:
         raise UsageError(f"a plot is a .png or .svg file, not {path.name}", hint=hint)
-    # without a date the same figure gives the same file
-    metadata: dict[str, Any] = {"Date": None} if kind == ".svg" else {}
     with written_whole(path) as temporary:
-        figure.savefig(temporary, metadata=metadata)
+        draw_into(temporary, figure, kind)
+
+
+def draw_into(target: "Path | IO[Any]", figure: Figure, kind: str, **options: Any) -> None:
+    """Draw a figure as ".png", ".svg", …: the same figure gives the same bytes.
+
+    An SVG has a date only if `vision --date` asks for one.
+    """
+    metadata = {"Date": os.environ.get(DATE)} if kind == ".svg" else None
+    with matplotlib.rc_context({"svg.hashsalt": "impact-vision"}):
+        figure.savefig(target, format=kind.lstrip("."), metadata=metadata, **options)
 
 
 # Distinguishable with any colour vision (Okabe and Ito 2008).
@@ -73,7 +84,6 @@ STYLE: Any = {
     "legend.edgecolor": "none",
     "legend.framealpha": 0.85,
     "legend.fontsize": 8,
-    "svg.hashsalt": "impact-vision",
 }
 """Font sizes and line widths in points: legible when printed at half size."""
 
@@ -106,7 +116,7 @@ def panel_svg(panel: Panel, width: float = 6.2, height: float = 3.1) -> str:
         figure = Picture(figsize=(width, height), layout="constrained")
         _fill(figure.subplots(), panel)
         buffer = io.StringIO()
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
+        draw_into(buffer, figure, ".svg")
     return buffer.getvalue()
 
 

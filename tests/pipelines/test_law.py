@@ -1,6 +1,7 @@
 """`vision law`: laws from tables with known truth, real drops, and damaged tables."""
 
 import json
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -247,9 +248,21 @@ def test_heads_in_other_languages_and_places(name: str, tmp_path: Path) -> None:
     assert found.points.cor == pytest.approx(np.sqrt(0.6), rel=1e-3)
 
 
+@pytest.mark.parametrize("head", ["", " (cm)"])
+def test_each_height_keeps_the_unit_of_its_cell(head: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    rows = "1.2 m,67.5 cm\n80 cm,0.45 m\n500 mm,28.125cm\n" + ("150,84.375\n" if head else "")
+    path.write_text(f"drop_height{head},rebound_height{head}\n{rows}", encoding="utf-8")
+    found = iv.law(path).balls["ball"]
+    heights = [1.2, 0.8, 0.5, *([1.5] if head else [])]
+    assert found.points.speed == pytest.approx(np.sqrt(2 * 9.80665 * np.array(heights)), rel=1e-3)
+    assert found.points.cor == pytest.approx(0.75)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
+        ("drop_height,rebound_height\n50 cm,30 cm\n1,0.61\n1.5 m,88 cm\n", "a unit in row 1 and"),
         ("drop_height,rebound_height\n50,30\n100,61\n150,88\n", "'drop_height' states no unit"),
         ("drop_height_m,rebound_height_m\n0.3,0.5\n0.6,1\n0.9,1.5\n", "are exchanged"),
         ("ball,impact_speed,ball_speed\njocku,1,1.6\njocku,2,3.2\n", "did you mean 'jokku'"),
@@ -268,3 +281,19 @@ def test_a_table_of_a_million_rows_is_refused_at_once() -> None:
     table = pd.DataFrame({"impact_speed_m_s": np.linspace(1, 5, 10**6), "e": 0.7})
     with pytest.raises(UsageError, match="1,000,000 rows"):
         iv.law(table)
+
+
+def test_the_same_run_gives_the_same_bytes_and_a_date_only_if_asked(tmp_path: Path) -> None:
+    table = tmp_path / "a.csv"
+    rows = "".join(f"{h} cm,{0.6 * h:.1f} cm\n" for h in (50, 80, 100, 120, 150))
+    table.write_text(f"drop_height,rebound_height\n{rows}", encoding="utf-8")
+    pages = []
+    for name, more in (("a", []), ("b", []), ("c", ["--date"])):
+        page = tmp_path / f"{name}.html"
+        ran = CliRunner().invoke(app, ["law", str(table), "--report", str(page), *more])
+        assert ran.exit_code == 0
+        pages.append(page.read_bytes())
+    today = date.today().isoformat().encode()
+    assert pages[0] == pages[1]
+    assert today not in pages[0]
+    assert today in pages[2]

@@ -807,7 +807,9 @@ def _distinct(
     distinct = DistinctPictures(source, found)
     note = (
         f"The file shows every picture {found.times} times (frame rate raised by a program): the "
-        "repeats are dropped. Times and frame rate are those of the different pictures."
+        "repeats are dropped. Times, frame rate and frame numbers are those of the different"
+        f" pictures: number n is frame {found.times}·n{f' + {found.first}' if found.first else ''}"
+        " of the file, counted from 0."
     )
     return distinct, _examined(distinct, height, width), [note]
 

@@ -21,7 +21,7 @@ from mismatch.verdict import (
     pass_gate,
 )
 from physics.effects import CATALOGUE
-from pipelines.explain.report import _typeset, explain_report_html, paths_figure
+from pipelines.explain.report import _typeset, draw_explained, explain_report_html, paths_figure
 from tests.mismatch.synthetic import thrown_campaign
 
 LAWS = [
@@ -185,3 +185,17 @@ def test_a_proof_without_a_gain_is_called_none():
     assert "no proof" in flat.in_words
     assert "chi-square falls by 40" in replace(flat, gain=40.0).in_words
     assert "no proof" in replace(flat, gain=2.0).in_words
+
+
+def test_the_same_verdict_gives_the_same_bytes(heavier, tmp_path, monkeypatch):
+    pages, drawn = [], []
+    for day in ("", "", "2026-11-27"):
+        if day:
+            monkeypatch.setenv("IMPACT_VISION_DATE", day)
+        draw_explained(heavier, tmp_path / "a.svg")
+        drawn.append((tmp_path / "a.svg").read_text())
+        pages.append(explain_report_html(heavier))
+    for first, second, dated in (pages, drawn):
+        assert first == second
+        assert "2026-11-27" not in first
+        assert "2026-11-27" in dated
