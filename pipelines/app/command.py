@@ -3,20 +3,26 @@
 import os
 import sys
 import webbrowser
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from threading import Thread
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from metrology import UsageError
 from pipelines.processes import Terminated
 
-__all__ = ["announce", "app_command"]
+if TYPE_CHECKING:
+    from pipelines.app.campaign import FolderSession
+
+__all__ = ["announce", "app_command", "watch_campaign"]
 
 
 def app_command(
     place: Annotated[
-        Path | None, typer.Argument(metavar="CLIP", help="A clip; without one, choose.")
+        Path | None,
+        typer.Argument(metavar="CLIP|FOLDER", help="A clip or a folder of clips; or choose there."),
     ] = None,
     language: Annotated[
         str | None, typer.Option("--language", help="en or de; default: of the system.")
@@ -40,14 +46,56 @@ def app_command(
     session = AppSession(language or users_language())
     session.measurer.start()
     if place is not None:
-        session.open_clip(place.absolute())
+        session.open_place(place.absolute())
     try:
         serve_page(session, lambda address: announce(address, browser=browser), port=port)
     except KeyboardInterrupt as stop:
         session.end()
         _leave(143 if isinstance(stop, Terminated) else 130)
         raise
+    folder = session.folder_session
+    if folder is not None and folder.running:
+        typer.echo("The page is closed; the campaign goes on. Ctrl-C stops it, and the same folder")
+        typer.echo("opened again resumes it.")
+        try:
+            folder.finish()
+        except KeyboardInterrupt:
+            _leave(130)
     session.end()
+
+
+def watch_campaign(out: Path, on_address: Callable[[str], None]) -> "FolderSession":
+    """Serve the page Folder during a campaign, on a thread, until it is closed.
+
+    Parameters
+    ----------
+    out : Path
+        Folder of results.
+    on_address : callable
+        Called with the page's address.
+    """
+    from pipelines.app.campaign import FolderSession
+    from pipelines.app.session import AppSession
+    from pipelines.app.shell import serve_page
+    from pipelines.app.words import users_language
+
+    session, folder = AppSession(users_language()), FolderSession(out)
+    session.folder_session, session.page = folder, "folder"
+
+    def opened(address: str) -> None:
+        on_address(address)
+        if _has_display():
+            webbrowser.open(address)
+
+    def serving() -> None:
+        try:
+            serve_page(session, opened)
+        finally:
+            folder.closed.set()
+            session.end()
+
+    Thread(target=serving, daemon=True).start()
+    return folder
 
 
 def announce(address: str, *, browser: bool) -> None:

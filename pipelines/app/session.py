@@ -7,6 +7,7 @@ from threading import RLock
 from typing import TYPE_CHECKING, Any
 
 from metrology import ImpactVisionError, write_text_whole
+from pipelines.app.campaign import FolderSession
 from pipelines.app.corrections import (
     ClipInputs,
     Corrections,
@@ -27,7 +28,9 @@ from pipelines.app.graphs import Graph, graphs_of
 from pipelines.app.marks import marks_of
 from pipelines.app.openings import Recent
 from pipelines.app.worker import ClipAnswer, Measurer
+from pipelines.campaign.run import CLIP_SUFFIXES, find_clips
 from pipelines.web import Jobs
+from vision.clip.images import is_image
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,6 +49,8 @@ class ClipSession:
     number : int
         Distinguishes the clips opened in one session, for the addresses of their frames.
     measurer : Measurer
+    inputs : ClipInputs, optional
+        Where nothing was entered for this clip.
 
     Attributes
     ----------
@@ -64,7 +69,9 @@ class ClipSession:
         Increases with every change of these.
     """
 
-    def __init__(self, path: Path, number: int, measurer: Measurer) -> None:
+    def __init__(
+        self, path: Path, number: int, measurer: Measurer, inputs: ClipInputs | None = None
+    ) -> None:
         self.path, self.number = path, number
         self.frames = FrameStore(path)
         self.measured: ClipMeasurement | None = None
@@ -85,7 +92,9 @@ class ClipSession:
             now = read_corrections(file)
         except ImpactVisionError as problem:
             now, self.unsaved, self._readable = Corrections(), problem.in_one_line, False
-        if now == Corrections() and (setup := setup_beside(path)) is not None:
+        if now == Corrections() and inputs is not None:
+            now = Corrections(inputs)
+        elif now == Corrections() and (setup := setup_beside(path)) is not None:
             now = Corrections(ClipInputs(setup=setup.name))
         self.history = History(now)
 
@@ -205,6 +214,13 @@ def setup_beside(clip: Path) -> Path | None:
     return own if own.is_file() else None
 
 
+def is_images(folder: Path) -> bool:
+    """Whether a folder holds pictures and no clips."""
+    held = [*folder.iterdir()]
+    clips = any(file.suffix.lower() in CLIP_SUFFIXES for file in held)
+    return not clips and any(map(is_image, held))
+
+
 class AppSession:
     """State of the whole page, shared by reloads.
 
@@ -222,6 +238,7 @@ class AppSession:
     page : str
         "open", "clip", …
     clip : ClipSession or None
+    folder_session : FolderSession or None
     """
 
     def __init__(self, language: str = "en", recent: Recent | None = None) -> None:
@@ -232,17 +249,34 @@ class AppSession:
         self.dark: bool | None = None
         self.page = "open"
         self.clip: ClipSession | None = None
+        self.folder_session: FolderSession | None = None
         self.measurer = Measurer(self._take)
         self.stop: Callable[[], None] = lambda: None
         self._opened = 0
 
-    def open_clip(self, path: Path) -> ClipSession:
+    def open_place(self, path: Path) -> None:
+        """Open a clip, or a folder of clips; a folder of pictures is a clip.
+
+        Raises
+        ------
+        UsageError
+            If a folder has neither.
+        """
+        if not path.is_dir() or is_images(path):
+            self.open_clip(path)
+            return
+        find_clips([path])
+        self.folder_session = FolderSession.of(path)
+        self.recent.add(path)
+        self.page = "folder"
+
+    def open_clip(self, path: Path, inputs: ClipInputs | None = None) -> ClipSession:
         """Open a clip and measure it; another open one is closed."""
         if self.clip is not None:
             self.clip.close()
         self.recent.add(path)
         self._opened += 1
-        self.clip = ClipSession(path, self._opened, self.measurer)
+        self.clip = ClipSession(path, self._opened, self.measurer, inputs)
         self.page = "clip"
         self.clip.begin()
         return self.clip

@@ -14,18 +14,24 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from metrology import ImpactVisionError
+from pipelines.app.corrections import ClipInputs
 from pipelines.app.exports import sheet_html
 from pipelines.app.pages.clip import ClipPage
 from pipelines.app.pages.export import ExportPage
+from pipelines.app.pages.folder import FolderPage
 from pipelines.app.pages.open import OpenPage
 from pipelines.app.session import AppSession
 from pipelines.app.words import LANGUAGES, Say, label_of, says
-from pipelines.web import GRACE_S, serve_app
+from pipelines.web import serve_app
 
 __all__ = ["AppWindow", "app_of", "serve_page"]
 
 WAIT_FOR_FRAME_S = 4.0
 """s that a request waits for a frame that is not decoded yet (chosen: the browser asks again)."""
+
+MAX_SILENCE_S = 30.0
+"""s without a sign of a window until it counts as gone, and until the program then ends (chosen: a
+browser loads the page in less, also while measuring occupies all cores)."""
 
 _KEPT = {"cache-control": "private, max-age=86400, immutable"}
 _FRESH = {"cache-control": "no-store"}
@@ -92,13 +98,25 @@ class AppWindow:
         if session.page == "clip" and session.clip is not None:
             self._page = ClipPage(session, session.clip, say)
             self._page.build()
+        elif session.page == "folder" and session.folder_session is not None:
+            folder = session.folder_session
+            FolderPage(folder, say, session.language, self._open_of_folder).build()
         elif session.page == "export" and session.clip is not None:
             ExportPage(session.clip, session.jobs, say).build()
         else:
             OpenPage(say, self._open, session.folder, session.recent).build()
 
     def _open(self, place: Path) -> None:
-        self.session.open_clip(place)
+        self.session.open_place(place)
+        self.show()
+
+    def _open_of_folder(self, clip: Path) -> None:
+        folder = self.session.folder_session
+        given = {} if folder is None else folder.inputs.given()
+        given.pop("trials", None)
+        if "setup" in given and folder is not None and folder.clips is not None:
+            given["setup"] = str(folder.clips / given["setup"])
+        self.session.open_clip(clip, ClipInputs(**given) if given else None)
         self.show()
 
     def go(self, page: str) -> None:
@@ -149,7 +167,9 @@ window.addEventListener("beforeunload", () => navigator.sendBeacon("/leaving"));
 
 def pages_of(session: AppSession) -> tuple[str, ...]:
     """Pages that can be shown now."""
-    return ("open", "clip", "export") if session.clip is not None else ("open",)
+    folder = ("folder",) if session.folder_session is not None else ()
+    clip = ("clip", "export") if session.clip is not None else ()
+    return ("open", *folder, *clip)
 
 
 def app_of(session: AppSession) -> FastAPI:
@@ -189,6 +209,14 @@ def app_of(session: AppSession) -> FastAPI:
             raise HTTPException(404)
         return JSONResponse(clip.marks(), headers=_FRESH)
 
+    @app.get("/thumb/{clip}")
+    def thumb(clip: str) -> Response:
+        folder = session.folder_session
+        content = None if folder is None else folder.picture(clip)
+        if content is None:
+            raise HTTPException(404)
+        return Response(content, media_type="image/jpeg", headers=_FRESH)
+
     @app.get("/sheet")
     def sheet() -> HTMLResponse:
         clip = session.clip
@@ -209,7 +237,7 @@ def serve_page(
     opened: Callable[[str], None],
     *,
     port: int = 0,
-    grace_s: float = GRACE_S,
+    grace_s: float = MAX_SILENCE_S,
 ) -> None:
     """Serve the page until its window is closed or the program is interrupted.
 
@@ -236,6 +264,7 @@ def serve_page(
         root=lambda: AppWindow(session).build(),
         title="Impact vision",
         dark=None,
+        reconnect_timeout=MAX_SILENCE_S,
         show_welcome_message=False,
     )
 

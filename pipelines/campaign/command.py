@@ -141,11 +141,11 @@ def campaign_command(
 
 def _watched(asked: CampaignOptions, quiet: bool) -> Campaign:
     """Run the campaign with its page open, and again whenever the page requests it."""
-    from pipelines.campaign.watch import watched
+    from pipelines.app.command import watch_campaign
 
     errors = screen(errors=True)
     asked.out.mkdir(parents=True, exist_ok=True)
-    page = watched(
+    page = watch_campaign(
         asked.out, lambda address: errors.print(f"progress page: {address}", soft_wrap=True)
     )
     while True:

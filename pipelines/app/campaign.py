@@ -1,0 +1,355 @@
+"""A folder of clips as a campaign: cards and points of its ledger, marks, runs."""
+
+import json
+import shlex
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from pathlib import Path
+from threading import Event, Lock, Thread
+from typing import Any
+
+import tomli_w
+
+from metrology import ImpactVisionError, UsageError, parse_toml, read_small_text, write_text_whole
+from metrology.quantity import format_pair, format_unit
+from pipelines.campaign.conduct import CampaignOptions, conduct, results_folder
+from pipelines.campaign.ledger import Entry, Ledger, State
+
+__all__ = ["ClipCard", "FolderInputs", "FolderSession", "FolderState"]
+
+MIN_CERTAIN_PROBABILITY = 0.9
+"""Probability of the motion kind below which a clip is listed first (chosen)."""
+
+CARD_QUANTITIES = ("contact_time", "ball_speed", "launch_angle", "cor")
+
+MAX_REASON = 500
+"""Characters of a reason (chosen: a sentence or two)."""
+
+
+@dataclass(frozen=True)
+class FolderInputs:
+    """Inputs of a campaign as a person types them; empty ones are not given.
+
+    Attributes
+    ----------
+    trials, setup, fps, ball, wall_grid : str
+        Arguments of `vision campaign`; paths start at the folder.
+    """
+
+    trials: str = ""
+    setup: str = ""
+    fps: str = ""
+    ball: str = ""
+    wall_grid: str = ""
+
+    def given(self) -> dict[str, str]:
+        """The inputs that are not empty, by name."""
+        held = {one.name: str(getattr(self, one.name)).strip() for one in fields(self)}
+        return {name: text for name, text in held.items() if text}
+
+
+@dataclass(frozen=True)
+class ClipCard:
+    """A clip of a campaign as it is displayed.
+
+    Attributes
+    ----------
+    clip, path, state : str
+    error, bad, pointed, motion : str
+        Why it failed; why it is marked as bad; the point on the ball; the kind of motion.
+    unsure : bool
+        Whether it failed or its motion is uncertain.
+    frame : bool
+        Whether there is a picture of it.
+    values : dict of str to str
+        Quantities with ± and unit.
+    stamp : str
+        Changes when it is measured again.
+    """
+
+    clip: str
+    path: str
+    state: str
+    error: str = ""
+    bad: str = ""
+    pointed: str = ""
+    motion: str = ""
+    unsure: bool = False
+    frame: bool = False
+    values: tuple[tuple[str, str], ...] = ()
+    stamp: str = ""
+
+
+@dataclass(frozen=True)
+class FolderState:
+    """State of a campaign.
+
+    Attributes
+    ----------
+    counts : dict of str to int
+        Clips by state.
+    cards : tuple of ClipCard
+        The uncertain ones first.
+    points : tuple of (float, float, str, bool)
+        Impact speed, coefficient of restitution, clip, and whether it counts.
+    law : tuple of (float, float)
+        The fitted law: speeds and values.
+    """
+
+    counts: dict[str, int]
+    cards: tuple[ClipCard, ...]
+    points: tuple[tuple[float, float, str, bool], ...]
+    law: tuple[tuple[float, float], ...]
+
+
+class FolderSession:
+    """A campaign that the page shows, and runs itself if it has a folder of clips.
+
+    Parameters
+    ----------
+    out : Path
+        Folder of results.
+    clips : Path, optional
+        Folder of clips; without one the campaign command runs it.
+
+    Attributes
+    ----------
+    inputs : FolderInputs
+    running : bool
+    problem : str
+        Why the last run ended; empty if it succeeded.
+    asked, closed : Event
+        A clip was marked or a ball selected; the page was closed.
+    """
+
+    def __init__(self, out: Path, clips: Path | None = None) -> None:
+        self.out, self.clips = out, clips
+        self.running = clips is None
+        self.problem = ""
+        self.asked, self.closed = Event(), Event()
+        self._lock = Lock()
+        self.inputs = FolderInputs()
+        if clips is not None:
+            try:
+                self.inputs = _read_inputs(clips)
+            except ImpactVisionError as problem:
+                self.problem = problem.in_one_line
+
+    @classmethod
+    def of(cls, clips: Path) -> "FolderSession":
+        """Campaign of a folder of clips, with its results within."""
+        return cls(results_folder([clips], None), clips)
+
+    def wait(self) -> bool:
+        """Wait until a clip is marked or a ball selected (true), or the page closes (false)."""
+        while not self.closed.is_set():
+            if self.asked.wait(0.3):
+                self.asked.clear()
+                return True
+        return False
+
+    def begin(self, inputs: FolderInputs) -> None:
+        """Measure what is not measured yet, with these inputs; they are kept in the folder."""
+        assert self.clips is not None
+        self.inputs = inputs
+        try:
+            write_text_whole(_inputs_file(self.clips), tomli_w.dumps(inputs.given()))
+        except ImpactVisionError as problem:
+            self.problem = problem.in_one_line
+            return
+        self._run()
+
+    def finish(self) -> None:
+        """Wait until nothing is being measured any more."""
+        while self.running:
+            time.sleep(0.2)
+
+    def as_command(self) -> str:
+        """The same campaign as a command."""
+        words = ["vision", "campaign", str(self.clips or self.out)]
+        for name, text in self._arguments().items():
+            words += [f"--{name.replace('_', '-')}", str(text)]
+        return shlex.join([*words, "--out", str(self.out)])
+
+    def mark(self, clip: str, reason: str | None) -> None:
+        """Mark a trial as bad, or remove the mark with None.
+
+        Raises
+        ------
+        UsageError
+            If there is no such clip.
+        """
+        kept = None if reason is None else reason.strip()[:MAX_REASON] or None
+        self._change(lambda ledger: ledger.exclude(clip, kept))
+
+    def point(self, clip: str, x: float, y: float) -> None:
+        """Select the ball at a point of the picture, as fractions of its width and height.
+
+        Raises
+        ------
+        UsageError
+            If there is no such clip, or it was never measured.
+        """
+        with Ledger(self.out) as ledger:
+            sizes = {
+                one.order.clip: (one.document or {}).get("clip", {}) for one in ledger.entries()
+            }
+        size = sizes.get(clip, {})
+        if "width" not in size or not (0.0 <= x <= 1.0 and 0.0 <= y <= 1.0):
+            raise UsageError(
+                f"{clip} has no picture to point at", hint="Open the clip, and select the ball."
+            )
+        at = f"{x * size['width']:.1f},{y * size['height']:.1f}"
+        self._change(lambda ledger: ledger.point_at(clip, at))
+
+    def picture(self, clip: str) -> bytes | None:
+        """Picture of a clip of the ledger; None for any other name."""
+        path = self.out / "frames" / f"{clip}.jpg"
+        if not self._has_ledger() or not path.is_file():
+            return None
+        with Ledger(self.out) as ledger:
+            known = any(entry.order.clip == clip for entry in ledger.entries())
+        return path.read_bytes() if known else None
+
+    def state(self) -> FolderState:
+        """What the ledger and the results hold now.
+
+        Raises
+        ------
+        UsageError
+            If the ledger is damaged.
+        """
+        if not self._has_ledger():
+            return FolderState({}, (), (), ())
+        with Ledger(self.out) as ledger:
+            counts = {str(key): number for key, number in ledger.counts().items()}
+            pointed = ledger.points()
+            entries = [*ledger.entries()]
+        cards = [_card(one, pointed.get(one.order.clip, ""), self.out) for one in entries]
+        cards.sort(key=lambda one: not one.unsure)
+        points = [point for one in entries if (point := _point(one)) is not None]
+        return FolderState(counts, tuple(cards), tuple(points), _law(self.out / "summary.json"))
+
+    def _has_ledger(self) -> bool:
+        return (self.out / "ledger.sqlite").is_file()
+
+    def _arguments(self) -> dict[str, Any]:
+        given: dict[str, Any] = self.inputs.given()
+        if self.clips is not None:
+            for name in given.keys() & {"trials", "setup"}:
+                given[name] = self.clips / given[name]
+        return given
+
+    def _change(self, change: Callable[[Ledger], None]) -> None:
+        with Ledger(self.out) as ledger:
+            change(ledger)
+        self.asked.set()
+        if self.clips is not None:
+            self._run()
+
+    def _run(self) -> None:
+        with self._lock:
+            self.asked.set()
+            if not self.running:
+                self.running = True
+                Thread(target=self._work, daemon=True).start()
+
+    def _work(self) -> None:
+        """Run the campaign until nothing was asked for meanwhile."""
+        assert self.clips is not None
+        try:
+            while True:
+                with self._lock:
+                    if not self.asked.is_set():
+                        self.running = False
+                        return
+                    self.asked.clear()
+                self.out.mkdir(parents=True, exist_ok=True)
+                conduct(CampaignOptions((self.clips,), self.out, **self._arguments()))
+                self.problem = ""
+        except (ImpactVisionError, OSError) as problem:
+            self.problem = getattr(problem, "in_one_line", str(problem))
+        finally:
+            self.running = False
+
+
+def _inputs_file(clips: Path) -> Path:
+    return clips / "vision-app.toml"
+
+
+def _read_inputs(clips: Path) -> FolderInputs:
+    """Inputs kept in the folder; without them the files that are usually there.
+
+    Raises
+    ------
+    UsageError
+        If the file is damaged.
+    """
+    file = _inputs_file(clips)
+    if not file.is_file():
+        there = [name for name in ("setup.toml", "lab.toml") if (clips / name).is_file()]
+        trials = [name for name in ("trials.csv", "trials.xlsx") if (clips / name).is_file()]
+        return FolderInputs(*(names[0] if names else "" for names in (trials, there)))
+    held = parse_toml(read_small_text(file, what="the inputs"), str(file))
+    known = {one.name for one in fields(FolderInputs)}
+    wrong = [name for name, text in held.items() if name not in known or not isinstance(text, str)]
+    if wrong:
+        raise UsageError(
+            f"{file}: {wrong[0]} is not known, or not in quotes",
+            hint=f"Keep only {', '.join(sorted(known))}, or delete the file.",
+        )
+    return FolderInputs(**held)
+
+
+def _card(entry: Entry, pointed: str, folder: Path) -> ClipCard:
+    document = entry.document or {}
+    quantities = document.get("quantities", {})
+    motion = document.get("motion", {})
+    probability = motion.get("probability")
+    finished = entry.state in (State.DONE, State.FAILED)
+    uncertain = probability is not None and probability < MIN_CERTAIN_PROBABILITY
+    said = f"{motion.get('kind')}, {probability:.2f}" if uncertain else ""
+    values = [
+        (name, f"{value} ± {std} {format_unit(one['unit'])}".strip())
+        for name in CARD_QUANTITIES
+        if (one := quantities.get(name, {})).get("value") is not None
+        for value, std in [format_pair(one["value"], one.get("std"))]
+    ]
+    clip = entry.order.clip
+    return ClipCard(
+        clip=clip,
+        path=entry.order.path,
+        state=str(entry.state),
+        error=entry.error or "",
+        bad=entry.excluded or "",
+        pointed=pointed,
+        motion=said,
+        unsure=finished and (entry.state == State.FAILED or uncertain),
+        frame=(folder / "frames" / f"{clip}.jpg").is_file(),
+        values=tuple(values),
+        stamp=f"{entry.attempts}-{entry.state}-{entry.seconds}",
+    )
+
+
+def _point(entry: Entry) -> tuple[float, float, str, bool] | None:
+    quantities = (entry.document or {}).get("quantities", {})
+    speed, cor = (
+        quantities.get(name, {}).get("value") for name in ("pendulum_speed_before", "cor")
+    )
+    if not isinstance(speed, int | float) or not isinstance(cor, int | float):
+        return None
+    return float(speed), float(cor), entry.order.clip, entry.excluded is None
+
+
+def _law(summary: Path) -> tuple[tuple[float, float], ...]:
+    """Fitted laws of the last results, one after another; none while there are none."""
+    try:
+        balls = json.loads(summary.read_text(encoding="utf-8"))["balls"].values()
+        return tuple(
+            (float(at["speed"]), float(at["value"]))
+            for ball in balls
+            for at in ball.get("cor_at", ())
+        )
+    except (OSError, ValueError, TypeError, LookupError, AttributeError):
+        return ()
