@@ -16,6 +16,7 @@ from scipy.special import chdtri, gammaincc, log_ndtr, logsumexp
 from metrology import SetupError, TooLittleDataError, UsageError
 from mismatch.candidates import Candidate, start_values
 from mismatch.fitting.prepare import baseline_model
+from mismatch.fitting.settings import MAX_SETTINGS, MIN_SETTINGS
 from mismatch.forward import BatchTerm, Forward, ForwardModel, batch_terms
 from mismatch.records import Baseline, Records, Scatter, settings_of
 from mismatch.repeats import RepeatsTest, lack_of_fit
@@ -134,6 +135,12 @@ class TrialTable:
     def trials(self) -> int:
         """Number of rows."""
         return len(self.names)
+
+    @property
+    def setting(self) -> NDArray[np.int64]:
+        """(T,) setting of each trial: its ball and back-swing, or impact speed; -1 if unknown."""
+        known = np.isfinite(self.backswing).any()
+        return settings_of(self.backswing if known else self.values[:, 0], self.balls)
 
     @property
     def present(self) -> NDArray[np.bool_]:
@@ -500,6 +507,12 @@ DOUBT = 0.1
 """Prior probability of each inflation: a stated uncertainty is tested, not believed."""
 
 
+SETTING_SIZES = (0.0, 1.0, 4.0)
+
+"""What repeats of a setting share, over what differs from trial to trial. Nothing is as likely as
+all other sizes together. Chosen; four times is what real drop heights share."""
+
+
 @dataclass(frozen=True)
 class Problem:
     """A table around one point of its models, linearised.
@@ -615,11 +628,12 @@ def _covariances(
 
 
 def gram_of(problem: Problem, table: TrialTable, scatter: Scatter) -> Gram:
-    """Whiten a problem under every size of noise."""
+    """Whiten a problem under every size of noise, and of what repeats of a setting share."""
     used = np.isfinite(problem.residual).astype(np.float64)
     residual = np.nan_to_num(problem.residual)
-    columns = np.nan_to_num(problem.columns) * used[..., None]
     jacobian = np.nan_to_num(problem.jacobian) * used[..., None]
+    settings = _of_settings(table, jacobian)
+    columns = np.concatenate([settings, np.nan_to_num(problem.columns) * used[..., None]], axis=-1)
     grid, prior = _noise_grid(table)
     covariance = _covariances(table, scatter, jacobian, used, grid)
     root = np.linalg.cholesky(covariance)
@@ -629,13 +643,43 @@ def gram_of(problem: Problem, table: TrialTable, scatter: Scatter) -> Gram:
     log_size = 2.0 * np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=(1, 2))
     chi2_at_zero = np.square(left).sum(axis=(1, 2))
     count = float(used.sum())
-    return Gram(
+    gram = Gram(
         np.einsum("gtcm,gtcn->gmn", white, white),
         np.einsum("gtcm,gtc->gm", white, left),
         prior - 0.5 * (chi2_at_zero + log_size + count * np.log(2.0 * np.pi)),
         chi2_at_zero,
         grid,
     )
+    usual = (scatter.backswing, scatter.cor, scatter.launch_angle)
+    return _over_sizes(gram, np.tile(usual, settings.shape[-1] // len(usual)))
+
+
+def _of_settings(table: TrialTable, jacobian: FloatArray) -> FloatArray:
+    """Derivatives (T, 3, n) by errors of back-swing, restitution and angle of each setting."""
+    setting = table.setting
+    repeated = np.flatnonzero(np.bincount(setting[setting >= 0], minlength=1) > 1)
+    if not MIN_SETTINGS <= repeated.size <= MAX_SETTINGS:
+        return np.zeros((*jacobian.shape[:2], 0))
+    mine = setting[:, None] == repeated
+    moved = jacobian[:, :, None, 1:] * mine[:, None, :, None]
+    return np.asarray(moved.reshape(*jacobian.shape[:2], -1))
+
+
+def _over_sizes(gram: Gram, usual: FloatArray) -> Gram:
+    """Products with errors of settings, which come first, integrated for each of their sizes."""
+    if not usual.size:
+        return gram
+    weights = [0.5, *[0.5 / (len(SETTING_SIZES) - 1)] * (len(SETTING_SIZES) - 1)]
+    parts = [
+        replace(one, constant=one.constant + math.log(weight))
+        for size, weight in zip(SETTING_SIZES, weights, strict=True)
+        for one in (integrated(gram, usual.size, max(size, 1e-6) * usual),)
+    ]
+    return Gram(*(np.concatenate(values) for values in zip(*map(_values_of, parts), strict=True)))
+
+
+def _values_of(gram: Gram) -> tuple[FloatArray, ...]:
+    return gram.information, gram.score, gram.constant, gram.chi2_at_zero, gram.noise
 
 
 def posterior_of(
@@ -1550,14 +1594,13 @@ def _contradicted(table: TrialTable, answer: Answer) -> bool:
 
 def table_repeats(table: TrialTable, answer: Answer) -> RepeatsTest | None:
     """Lack of fit of an answer, by trials of one ball that repeat a back-swing or impact speed."""
-    start = table.backswing if np.isfinite(table.backswing).any() else table.values[:, 0]
     residual = answer.problem.residual - answer.problem.columns @ answer.posterior.mean
     quantities = {
         name: residual[:, channel] / table.values[:, channel]
         for channel, name in enumerate(("impact speed", "ball speed", "range"))
         if table.present[channel]
     }
-    return lack_of_fit(settings_of(start, table.balls), quantities)
+    return lack_of_fit(table.setting, quantities)
 
 
 def _remainder(table: TrialTable, found: Search, answer: Answer) -> Remainder:

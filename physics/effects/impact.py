@@ -446,7 +446,8 @@ class SupportFriction(Effect):
             gain = (1.0 + contact.restitution) * contact.impact_speed
             gain = gain * contact.inertial_mass / both
             peak = 0.5 * np.pi * gain / gap * np.sin(contact.angle)
-            share = np.arcsin(np.clip(contact.gravity / peak, 0.0, 1.0)) / np.pi
+            with np.errstate(divide="ignore"):  # a level push never lifts it
+                share = np.arcsin(np.clip(contact.gravity / peak, 0.0, 1.0)) / np.pi
             early = -friction * gap * share * contact.ball_mass / both
             return add_normal_speeds(contact, outcome, early, early, 1.0 - 0.5 * share)
         slowed = -friction * gap * contact.ball_mass / both

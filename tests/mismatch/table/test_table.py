@@ -60,6 +60,27 @@ def test_ranges_alone_do_not_separate_offset_and_scale():
     assert any("without uncertainties" in note for note in verdict.notes)
 
 
+def _repeated(seed: int, concealed: str, shared: float) -> TrialTable:
+    """Ball speeds of ten trials at each setting, off by what the setting's trials share."""
+    table = simulated_table(seed, concealed, backswing=True, stated=False, repeats=10)
+    setting, values = table.setting, table.values.copy()
+    means = np.bincount(setting, values[:, 0]) / np.bincount(setting)
+    values[:, 0], values[:, 2] = means[setting], np.nan
+    off = np.random.default_rng(seed).normal(0.0, shared, means.size)
+    values[:, 1] *= 1.0 + off[setting]
+    return replace(table, values=values, backswing=np.full(table.trials, np.nan))
+
+
+def test_errors_that_repeats_share_are_no_law_however_often_they_are_repeated():
+    """Ping-pong balls had a second effect at 0.61 from six heights, ten drops at each."""
+    off = explain_table(_repeated(1, "", 0.012), lab()).verdict
+    assert all(effect.probability < 0.5 for effect in off.effects)
+    assert off.verdict != "no_mismatch"
+    law = explain_table(_repeated(1, "velocity_dependent_cor", 0.0), lab()).verdict
+    assert law.effects[0].id == "velocity_dependent_cor"
+    assert law.effects[0].probability > 0.9
+
+
 def test_swing_losses_are_found_from_the_impact_speeds():
     table = simulated_table(5, "pendulum_drag", backswing=True)
     verdict = explain_table(table, lab()).verdict
