@@ -19,7 +19,7 @@ SOURCES = ("metrology", "physics", "mismatch", "pipelines/explain", "pipelines/s
 
 
 def engine_version(root: Path) -> str:
-    """Digest of the sources an answer depends on.
+    """Digest of the sources and fitted numbers an answer depends on.
 
     Raises
     ------
@@ -28,10 +28,10 @@ def engine_version(root: Path) -> str:
     """
     digest = hashlib.sha256()
     for folder in SOURCES:
-        modules = sorted((root / folder).rglob("*.py"))
-        if not modules:
+        files = sorted((root / folder).rglob("*.*"))
+        if not any(path.suffix == ".py" for path in files):
             raise FileNotFoundError(f"no module in {root / folder}, on which answers depend")
-        for path in modules:
+        for path in (one for one in files if one.suffix in (".py", ".json")):
             digest.update(path.relative_to(root).as_posix().encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()[:12]

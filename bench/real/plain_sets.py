@@ -9,7 +9,7 @@ from pathlib import Path
 from bench.real import made
 from bench.real.row import Explain, Row, words
 
-__all__ = ["made_rows", "plain_rows"]
+__all__ = ["heights_rows", "made_rows", "plain_rows"]
 
 Write = Callable[[Path], None]
 
@@ -38,6 +38,19 @@ def plain_rows(
         if path.suffix in (".csv", ".toml"):
             shutil.copyfile(path, folder / path.name)
     return [Row(f"{source.name}: {asked}", at_least, aim, _measured(folder, explain))]
+
+
+def heights_rows(source: Path, cache: Path, explain: Explain) -> list[Row]:
+    """One row for each ball whose drop and rebound heights are a table of strikes."""
+    found = []
+    for path in sorted(source.glob("t_*.csv")):
+        folder = cache / f"{source.name}_{path.stem}"
+        folder.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(path, folder / "ball.csv")
+        shutil.copyfile(source / "setup.toml", folder / "setup.toml")
+        asked = f"{source.name}, {path.stem.removeprefix('t_')}: levels differ, no support"
+        found.append(Row(asked, "no second name", "unexplained", _measured(folder, explain)))
+    return found
 
 
 MADE: tuple[tuple[str, str, str, Write], ...] = (

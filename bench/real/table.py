@@ -4,7 +4,7 @@ from functools import partial
 from pathlib import Path
 
 from bench.real import balldrop, juggling_mocap, rocket_coast, rod_pendulum
-from bench.real.plain_sets import made_rows, plain_rows
+from bench.real.plain_sets import heights_rows, made_rows, plain_rows
 from bench.real.row import Explain, Row
 
 __all__ = ["MADE", "real_rows", "real_table"]
@@ -17,6 +17,16 @@ SETS = {
     "encoder_pendulum": partial(
         plain_rows, asked="dry bearing, 0.0011 N m", at_least="9.5 mrad", aim="6.9 mrad"
     ),
+    "encoder_pendulum_b": partial(
+        plain_rows, asked="dry and quadratic", at_least="both, 0.85", aim="4.2 mrad"
+    ),
+    "coffee_filter": partial(
+        plain_rows, asked="drag with dragged air", at_least="drag or silent", aim="drag"
+    ),
+    "tabletennis_rally": partial(
+        plain_rows, asked="drag, a spin for each flight", at_least="both, 0.85", aim="3.1 mm"
+    ),
+    "rebound_heights": heights_rows,
     "three_drops": partial(
         plain_rows, asked="drag, a C_D for each ball", at_least="drag", aim="0.47, 0.83"
     ),
