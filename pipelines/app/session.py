@@ -35,6 +35,7 @@ from vision.clip.images import is_image
 if TYPE_CHECKING:
     import pandas as pd
 
+    from pipelines.calibrate.wizard.session import Session
     from pipelines.measure.measurement import ClipMeasurement
 
 __all__ = ["AppSession", "ClipSession"]
@@ -61,6 +62,8 @@ class ClipSession:
         Why nothing was measured; empty otherwise.
     written : tuple of Path
         Files exported so far.
+    wizard : Session or None
+        Calibration of the clip, once the page Set up was opened.
     unsaved : str
         Why the corrections could not be read or saved; empty otherwise.
     step, part : str, float
@@ -78,6 +81,7 @@ class ClipSession:
         self.figures: tuple[Figure, ...] = ()
         self.graphs: tuple[Graph, ...] = ()
         self.written: tuple[Path, ...] = ()
+        self.wizard: Session | None = None
         self.problem = self.unsaved = self.step = ""
         self.part = 0.0
         self.revision = 0

@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from fastapi import FastAPI, HTTPException, Response
+from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import HTMLResponse, JSONResponse
 from nicegui import ui
 from nicegui.events import GenericEventArguments
@@ -20,9 +20,12 @@ from pipelines.app.pages.clip import ClipPage
 from pipelines.app.pages.export import ExportPage
 from pipelines.app.pages.folder import FolderPage
 from pipelines.app.pages.open import OpenPage
+from pipelines.app.pages.setup import SetupPage
 from pipelines.app.session import AppSession
 from pipelines.app.words import LANGUAGES, Say, label_of, says
-from pipelines.web import serve_app
+from pipelines.calibrate.wizard.drawing import encoded
+from pipelines.calibrate.wizard.page import FIRST_URL, PICTURE_URL
+from pipelines.web import SCRIPT, serve_app
 
 __all__ = ["AppWindow", "app_of", "serve_page"]
 
@@ -57,6 +60,7 @@ class AppWindow:
     def build(self) -> None:
         """Lay the page out."""
         ui.add_head_html('<link rel="stylesheet" href="/app/style.css">')
+        ui.add_head_html(SCRIPT)
         ui.add_body_html('<script src="/app/viewer.js"></script>')
         ui.add_body_html(f"<script>{_NAVIGATION}</script>")
         ui.page_title(self.say("title"))
@@ -101,6 +105,8 @@ class AppWindow:
         elif session.page == "folder" and session.folder_session is not None:
             folder = session.folder_session
             FolderPage(folder, say, session.language, self._open_of_folder).build()
+        elif session.page == "setup" and session.clip is not None:
+            SetupPage(session.clip, session.jobs, say, partial(self.go, "clip")).build()
         elif session.page == "export" and session.clip is not None:
             ExportPage(session.clip, session.jobs, say).build()
         else:
@@ -160,7 +166,6 @@ window.visionShow = page => {
 };
 // of links within the page, and of back and forward
 window.addEventListener("popstate", () => emitEvent("vision_page", location.hash.slice(1)));
-window.addEventListener("beforeunload", () => navigator.sendBeacon("/leaving"));
 """
 """The address names the page, so that the browser's back and forward work."""
 
@@ -168,7 +173,7 @@ window.addEventListener("beforeunload", () => navigator.sendBeacon("/leaving"));
 def pages_of(session: AppSession) -> tuple[str, ...]:
     """Pages that can be shown now."""
     folder = ("folder",) if session.folder_session is not None else ()
-    clip = ("clip", "export") if session.clip is not None else ()
+    clip = ("clip", "setup", "export") if session.clip is not None else ()
     return ("open", *folder, *clip)
 
 
@@ -216,6 +221,17 @@ def app_of(session: AppSession) -> FastAPI:
         if content is None:
             raise HTTPException(404)
         return Response(content, media_type="image/jpeg", headers=_FRESH)
+
+    def scene(request: Request) -> Response:
+        wizard = None if session.clip is None else session.clip.wizard
+        if wizard is None:
+            raise HTTPException(404)
+        shown = wizard.answers.scene
+        picture = shown.first if request.url.path == FIRST_URL else shown.picture
+        return Response(encoded(picture), media_type="image/png", headers=_FRESH)
+
+    for url in (PICTURE_URL, FIRST_URL):
+        app.add_api_route(url, scene)
 
     @app.get("/sheet")
     def sheet() -> HTMLResponse:

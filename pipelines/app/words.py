@@ -75,8 +75,8 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "scale": ("Scale", "Maßstab"),
     "setup_input": ("Set-up file", "Einrichtungsdatei"),
     "inputs_note": (
-        "Distances, the pendulum and the air are in the set-up file.",
-        "Abstände, Pendel und Luft stehen in der Einrichtungsdatei.",
+        "Distances, the pendulum and the air are in the set-up file, which page Set up writes.",
+        "Abstände, Pendel und Luft stehen in der Einrichtungsdatei der Seite Einrichten.",
     ),
     "measure": ("Measure", "Messen"),
     "as_command": ("The same as a command", "Dasselbe als Befehl"),

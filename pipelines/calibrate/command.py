@@ -5,7 +5,6 @@ import sys
 import webbrowser
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
@@ -22,7 +21,6 @@ from calib.solve import camera_movement, solve
 from metrology import (
     CalibrationError,
     ClipError,
-    ImpactVisionError,
     NotFoundError,
     UsageError,
     parse_quantity,
@@ -57,50 +55,10 @@ if TYPE_CHECKING:
 __all__ = [
     "CALIBRATE_COMMANDS",
     "ClipOrCommand",
-    "Dialogue",
-    "ask_all",
     "describe_outlook",
     "find_unattended",
     "session_of",
 ]
-
-Changed = Callable[[Answers, str], Answers]
-
-
-class Dialogue:
-    """A user to ask.
-
-    Parameters
-    ----------
-    ask : callable
-        Takes a question and its default; returns the answer.
-    say : callable
-        Takes a line to show.
-    """
-
-    def __init__(self, ask: Callable[[str, str], str], say: Callable[[str], None]) -> None:
-        self.ask = ask
-        self.say = say
-
-    def ask_until_valid(
-        self, session: Session, question: str, default: str, label: str, changed: Changed
-    ) -> None:
-        """Ask until the answer is valid and show its effect; an empty answer keeps the default."""
-        while True:
-            text = self.ask(question, default).strip()
-            if text == default:
-                return
-            try:
-                session.apply(label, partial(_with_text, changed, text))
-            except ImpactVisionError as problem:
-                self.say(f"  {problem.in_one_line}")
-                continue
-            self.say(f"  {describe_outlook(session)}")
-            return
-
-
-def _with_text(changed: Changed, text: str, answers: Answers) -> Answers:
-    return changed(answers, text)
 
 
 def describe_outlook(session: Session) -> str:
@@ -112,132 +70,6 @@ def describe_outlook(session: Session) -> str:
     before = "" if change.before is None else f", before {1e3 * change.before:.3g} mm"
     where = "an assumed landing" if found.assumed else "the landing"
     return f"{where} is expected to ± {1e3 * found.std:.3g} mm{before}"
-
-
-def ask_all(session: Session, talk: Dialogue, given: frozenset[str] = frozenset()) -> None:
-    """Ask the questions of the six steps.
-
-    Parameters
-    ----------
-    session : Session
-        Its answers are the defaults.
-    talk : Dialogue
-    given : frozenset of str
-        Questions already answered by options: "fps", "lens", "wall", "ball", "support",
-        "camera_distance", "ball_plane".
-    """
-    info = session.answers.scene.info
-    talk.say(f"1 clip: {info.path.name}, {info.width} × {info.height} px, {info.frames} frames")
-    if "fps" not in given:
-        _ask_rate(session, talk)
-    if "lens" not in given:
-        talk.ask_until_valid(session, "2 lens file (empty: from the wall grid)", "", "lens", _lens)
-    _ask_wall(session, talk, given)
-    _ask_ball(session, talk, given)
-    for key, question in (
-        ("camera_distance", "5 camera to wall, such as '4.00 m ± 5 mm' (empty: not measured)"),
-        ("ball_plane", "  ball's plane to wall (empty: not measured)"),
-    ):
-        if key not in given:
-            field = "ball_plane_offset" if key == "ball_plane" else key
-            talk.ask_until_valid(session, question, "", question.strip("5 "), _distance(field))
-    found = session.outlook
-    if found.calibration is None:
-        talk.say(f"6 check: {found.problem}")
-        return
-    talk.say(f"6 check: χ² per degree of freedom {found.calibration.chi2_per_dof:.2f}")
-    for line in found.budget[:5]:
-        talk.say(f"  {line.source}: {1e3 * line.std:.3g} mm")
-    for warning in found.warnings:
-        talk.say(f"  {warning}")
-
-
-def _ask_rate(session: Session, talk: Dialogue) -> None:
-    known = session.answers.rate_known
-    default = f"{session.answers.capture_fps:g}" if known else ""
-    question = "  capture rate, frames per second" + ("" if known else " (empty: unknown)")
-    talk.ask_until_valid(session, question, default, "capture rate", _rate)
-
-
-def _ask_wall(session: Session, talk: Dialogue, given: frozenset[str]) -> None:
-    if "wall" not in given:
-        pitch = f"{1e3 * session.answers.pitch:g} mm"
-        talk.ask_until_valid(
-            session, "3 side of a square of the wall grid", pitch, "squares", _pitch
-        )
-        fine = session.answers.fine_pitch
-        shown = "none" if fine is None else f"{1e3 * fine:g} mm"
-        talk.ask_until_valid(
-            session, "  distance of fine lines, or none", shown, "fine lines", _fine
-        )
-    talk.say("3 searching for the wall grid …")
-    session.find_grid()
-    grid = session.answers.grid
-    if grid is None:
-        talk.say(f"  {session.grid_problem}")
-    else:
-        talk.say(f"  {len(grid.nodes)} crossings; {describe_outlook(session)}")
-
-
-def _ask_ball(session: Session, talk: Dialogue, given: frozenset[str]) -> None:
-    if "ball" not in given:
-        names = ", ".join(kind.name for kind in session.presets)
-        question = f"4 ball: {names}, or diameter and mass ('220 mm, 0.4 kg'; empty: unknown)"
-        talk.ask_until_valid(session, question, "", "ball", lambda a, text: _ball(session, a, text))
-    if "support" not in given:
-        height = session.answers.support_height
-        shown = "" if height is None else f"{height:g} m"
-        talk.ask_until_valid(session, "  height of the support", shown, "support height", _support)
-    if session.answers.rest_px is not None:
-        return
-    talk.say("  tracking the ball …")
-    try:
-        session.follow_ball()
-        talk.say(f"  {describe_outlook(session)}")
-    except NotFoundError as problem:
-        talk.say(f"  {problem.in_one_line}")
-        question = "  position of the ball at rest in the image, X,Y in px (empty: unknown)"
-        talk.ask_until_valid(session, question, "", "ball at rest", _rest)
-
-
-def _rate(answers: Answers, text: str) -> Answers:
-    return replace(answers, fps=rate_from(text))
-
-
-def _lens(answers: Answers, text: str) -> Answers:
-    return replace(answers, lens=lens_from_file(Path(text), answers.scene.size))
-
-
-def _pitch(answers: Answers, text: str) -> Answers:
-    return replace(answers, pitch=pitch_from(text))
-
-
-def _fine(answers: Answers, text: str) -> Answers:
-    return replace(answers, fine_pitch=fine_pitch_from(text, answers.pitch))
-
-
-def _ball(session: Session, answers: Answers, text: str) -> Answers:
-    kind = ball_from(text, session.presets)
-    return with_ball(answers, kind, named=kind in session.presets)
-
-
-def _support(answers: Answers, text: str) -> Answers:
-    known = distance_from(text)
-    return replace(answers, support_height=None if known is None else known.value)
-
-
-def _rest(answers: Answers, text: str) -> Answers:
-    return replace(answers, rest_px=point_from(text, answers.scene.size))
-
-
-def _distance(field: str) -> Changed:
-    def changed(answers: Answers, text: str) -> Answers:
-        known = distance_from(text)
-        if field == "camera_distance":
-            return replace(answers, camera_distance=known)
-        return replace(answers, ball_plane_offset=known)
-
-    return changed
 
 
 PRESETS = tuple(
@@ -280,7 +112,6 @@ _BallPlaneOption = Annotated[
 _OutOption = Annotated[
     Path, typer.Option("--out", "-o", help="Setup file to write."), FileRole.WRITES
 ]
-_TerminalOption = Annotated[bool, typer.Option("--terminal", help="Ask on the terminal.")]
 _YesOption = Annotated[
     bool, typer.Option("--yes", "-y", help="Ask nothing; find what is not given.")
 ]
@@ -301,7 +132,6 @@ def clip_command(
     camera_distance: _CameraDistanceOption = None,
     ball_plane: _BallPlaneOption = None,
     out: _OutOption = Path("setup.toml"),
-    terminal: _TerminalOption = False,
     yes: _YesOption = False,
     browser: _BrowserOption = True,
     port: _PortOption = 0,
@@ -327,17 +157,6 @@ def clip_command(
     )
     if yes:
         _unattended(session)
-    elif terminal:
-        said = {
-            "fps": fps,
-            "lens": lens,
-            "wall": wall_grid,
-            "ball": ball,
-            "support": support_height,
-            "camera_distance": camera_distance,
-            "ball_plane": ball_plane,
-        }
-        _on_terminal(session, frozenset(key for key, text in said.items() if text is not None))
     else:
         _in_browser(session, browser, port)
 
@@ -453,26 +272,6 @@ def _unattended(session: Session) -> None:
     _write(session)
 
 
-def _on_terminal(session: Session, given: frozenset[str]) -> None:
-    if not sys.stdin.isatty() and not sys.stdin.readable():
-        raise UsageError("there is no terminal for questions", hint="Pass all options and --yes.")
-
-    def ask(question: str, default: str) -> str:
-        try:
-            return str(typer.prompt(question, default=default, show_default=bool(default)))
-        except typer.Abort:
-            raise KeyboardInterrupt from None
-
-    ask_all(session, Dialogue(ask, typer.echo), given)
-    out = session.answers.out
-    question = f"{out} exists. Replace it?" if out.exists() else f"Write {out}?"
-    if ask(question, "yes").strip().lower() not in ("y", "yes"):
-        raise UsageError(
-            "nothing was written, as requested", hint="Run the command again to write it."
-        )
-    _write(session)
-
-
 def _write(session: Session) -> None:
     written = session.save()
     for warning in session.outlook.warnings:
@@ -502,7 +301,7 @@ def _in_browser(session: Session, browser: bool, port: int) -> None:
             typer.echo(
                 "Open this address in a browser on this machine (it works once). From another "
                 f"machine, run first: ssh -L {where}:127.0.0.1:{where} THIS_MACHINE. Without a "
-                "browser pass --terminal. Ctrl-C ends it."
+                "browser pass all options and --yes. Ctrl-C ends it."
             )
         sys.stdout.flush()
 

@@ -404,18 +404,20 @@ def _with_origin(answers: Answers, px: FloatArray) -> Answers:
 
 
 PAGE_STYLE = """
-body { background: #f3f5f6; color: #1d2b33; }
-.wz-step { min-width: 0; color: #37474f; text-transform: none;
+body { background: var(--ground, #f3f5f6); color: var(--ink, #1d2b33); }
+.wz-step { min-width: 0; color: var(--ink, #37474f); text-transform: none;
   border-radius: 6px; padding: 2px 10px; }
 .wz-step[aria-current=step] { background: #0b5c66 !important; color: #fff !important; }
-.wz-step.wz-done { color: #0b5c66; text-decoration: underline; }
-.wz-card { background: #fff; border: 1px solid #d8dee2; border-radius: 8px; padding: 14px 16px; }
+.wz-step.wz-done { color: var(--accent, #0b5c66); text-decoration: underline; }
+.wz-card { background: var(--card, #fff); border: 1px solid var(--line, #d8dee2);
+  border-radius: 8px; padding: 14px 16px; }
 .wz-big { font-size: 2rem; font-weight: 650; line-height: 1.1; font-variant-numeric: tabular-nums; }
 .wz-bar { height: 8px; background: #0b8a8f; border-radius: 2px; }
-.wz-small { font-size: 0.85rem; color: #4a5b65; }
-.wz-warn { background: #fff4d6; border-left: 4px solid #c98a00; padding: 6px 10px;
-  font-size: 0.9rem; }
-.wz-bad { background: #fde8e6; border-left: 4px solid #b3261e; padding: 6px 10px; }
+.wz-small { font-size: 0.85rem; color: var(--muted, #4a5b65); }
+.wz-warn { background: var(--warn-ground, #fff4d6); border-left: 4px solid #c98a00;
+  padding: 6px 10px; font-size: 0.9rem; }
+.wz-bad { background: var(--bad-ground, #fde8e6); border-left: 4px solid #b3261e;
+  padding: 6px 10px; }
 .wz-loupe { flex: none; width: 168px; height: 168px; border-radius: 6px; border: 1px solid #9fb0ba;
   background-repeat: no-repeat; image-rendering: pixelated; position: relative;
   overflow: hidden; }

@@ -139,10 +139,15 @@ class WizardPage:
     jobs : Jobs
     close : callable
         Ends the program.
+    measure : callable, optional
+        Measures with the saved file, in place of closing.
     """
 
-    def __init__(self, session: Session, jobs: Jobs, close: Any) -> None:
+    def __init__(
+        self, session: Session, jobs: Jobs, close: Any, measure: Callable[[], None] | None = None
+    ) -> None:
         self.session = session
+        self.measure = measure
         self.jobs = jobs
         self.close = close
         self.places = Places(session, jobs)
@@ -528,13 +533,18 @@ def _saving(page: "WizardPage") -> None:
         except ImpactVisionError as problem:
             page.saving_problem = problem.in_one_line
         saved.refresh()
+        enable()
 
     with ui.row().classes("gap-2"):
         button = ui.button("Save", on_click=save)
         button.props("unelevated no-caps color=teal-9 data-test=save")
-        ui.button("Close the wizard", on_click=page.finish).props(
-            "outline no-caps color=teal-9 data-test=close"
-        )
+        if page.measure is None:
+            ui.button("Close the wizard", on_click=page.finish).props(
+                "outline no-caps color=teal-9 data-test=close"
+            )
+        else:
+            measure = ui.button("Measure", on_click=page.measure)
+            measure.props("unelevated no-caps color=teal-9 data-test=measure")
 
     @ui.refreshable
     def saved() -> None:
@@ -544,6 +554,8 @@ def _saving(page: "WizardPage") -> None:
 
     def enable() -> None:
         button.set_enabled(session.outlook.calibration is not None and not page.jobs.busy)
+        if page.measure is not None:
+            measure.set_enabled(session.written is not None)
 
     page.follows(enable)
 

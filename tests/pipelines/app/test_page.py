@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import urllib.error
@@ -13,8 +14,9 @@ from typing import Any
 
 import pytest
 
-from pipelines.app.corrections import corrections_file, read_corrections
-from tests.pipelines.app.small import falling
+from pipelines.app.corrections import ClipInputs, corrections_file, read_corrections
+from pipelines.setup.file import load_setup
+from tests.pipelines.app.small import CLIP, falling
 from tests.pipelines.calibrate.wizard_page import chromium, opened_plain, until
 
 ROOT = Path(__file__).parents[3]
@@ -168,6 +170,26 @@ def test_a_dropped_clip_opens_and_the_browser_goes_back(browser: Any, tmp_path: 
         page.go_back()
         page.wait_for_selector("[data-test=sample-strike]")
         until(page, lambda: "drop.mp4" in page.inner_text("[data-test=recent] >> nth=0"))
+
+
+def test_a_clip_is_set_up_and_measured_with_the_file(browser: Any, tmp_path: Path) -> None:
+    path = tmp_path / "strike.mp4"
+    shutil.copyfile(CLIP, path)
+    corrections_file(path).write_text('[inputs]\nfps = "600"\nwall_grid = "50mm"\nball = "jokku"\n')
+    with served(str(path)) as address:
+        page = opened_plain(browser, address)
+        page.wait_for_selector("[data-test=stage]")
+        page.click("[data-test=page-setup]")
+        until(page, lambda: "600 fps, as entered" in page.inner_text("[data-test=panel]"))
+        page.click("[data-test=step-6]")
+        assert page.is_disabled("[data-test=measure]")
+        page.click("[data-test=save]")
+        until(page, lambda: page.is_enabled("[data-test=measure]"))
+        page.click("[data-test=measure]")
+        page.wait_for_selector("[data-test=stage]")
+        assert "--setup" in page.inner_text("[data-test=repeats]")
+        assert read_corrections(corrections_file(path)).inputs == ClipInputs(setup="setup.toml")
+        assert load_setup(tmp_path / "setup.toml").wall.grid == 0.05
 
 
 def test_nobody_else_comes_in_and_nothing_is_loaded_from_outside(

@@ -16,7 +16,6 @@ from calib.grid import WallGrid
 from calib.lens import MIN_LENS_STD, LensPrior, read_lens
 from calib.solve import camera_movement
 from metrology import CalibrationError, ClipError, SetupError, UsageError
-from pipelines.calibrate.command import Dialogue, ask_all
 from pipelines.calibrate.wizard.answers import (
     Answers,
     BallKind,
@@ -307,26 +306,6 @@ def test_jobs_are_done_in_order_and_problems_are_kept() -> None:
     while jobs.busy:
         pass
     assert jobs.problem == ""
-
-
-def test_the_terminal_asks_again_after_nonsense(clip: Path, tmp_path: Path) -> None:
-    session = Session(Answers(open_scene(clip), out=tmp_path / "setup.toml"), [BALL])
-    replies = {"capture rate": ["soon", "600"], "camera to wall": ["2 m"], "ball at": ["100,90"]}
-    said: list[str] = []
-
-    def ask(question: str, default: str) -> str:
-        for key, answers in replies.items():
-            if key in question and answers:
-                return answers.pop(0)
-        return default
-
-    ask_all(session, Dialogue(ask, said.append), frozenset({"lens"}))
-    assert session.answers.fps == 600.0
-    assert session.answers.camera_distance == Known(2.0, 0.005)
-    assert session.answers.rest_px is not None
-    assert any("'soon' is not a quantity" in line for line in said)
-    assert any("expected to ±" in line for line in said)
-    assert said[-1] != ""
 
 
 def test_a_lens_known_beforehand_narrows_what_the_lens_leaves_open(calibrated: Answers) -> None:
