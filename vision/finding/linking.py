@@ -255,6 +255,8 @@ def _exchanged(chains: list[IntArray], marks: _LinkMarks) -> list[IntArray]:
     Each chain is the best by itself, so that it runs on through what belongs to another. An
     exchange with nothing cuts a chain, or joins two.
     """
+    if not chains:
+        return []
     nothing = _LinkedRows.of(np.zeros(0, dtype=np.int64), marks)
     found = [*(_LinkedRows.of(rows, marks) for rows in chains), nothing]
     gains = dict[tuple[int, int], tuple[float, int, int]]()
