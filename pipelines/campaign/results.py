@@ -345,15 +345,17 @@ def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...], int]:
         raise UsageError(f"{path} is larger than 64 MB", hint="Check that it is the lab book.")
     if path.suffix.lower() == ".xlsx":
         try:
-            sheet = pd.read_excel(path, dtype=object).fillna("")
+            sheet = pd.read_excel(path, dtype=object, nrows=MAX_LAB_BOOK_ROWS + 1).fillna("")
         except Exception as problem:  # openpyxl raises many types on damaged files
             raise UsageError(
                 f"{path} is not a readable XLSX file: {problem}",
                 hint="Save it again as .xlsx or .csv.",
             ) from problem
+        _refuse_long(path, len(sheet))
         cells = sheet.map(lambda cell: cell.isoformat() if hasattr(cell, "isoformat") else cell)
         return cells, (), 0
     text = _text(path)
+    _refuse_long(path, text.count("\n") - 1)
     for number, line in enumerate(text.splitlines(), start=1):
         if line.count('"') % 2:
             raise UsageError(
@@ -387,6 +389,18 @@ def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...], int]:
     if above:
         notes = (*notes, f"The first {above} lines of {path.name}, above its header, are not used.")
     return table, notes, above
+
+
+MAX_LAB_BOOK_ROWS = 100_000
+"""Rows of a lab book, one per clip (chosen: more clips than years of work give)."""
+
+
+def _refuse_long(path: Path, rows: int) -> None:
+    if rows > MAX_LAB_BOOK_ROWS:
+        raise UsageError(
+            f"{path} has more than {MAX_LAB_BOOK_ROWS:,} rows; a lab book has one row per clip",
+            hint="Check that it is the lab book, not a table of marks; or keep its clips' rows.",
+        )
 
 
 def _lines_above(text: str) -> int:

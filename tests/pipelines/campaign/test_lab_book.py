@@ -178,3 +178,11 @@ def test_a_book_that_runs_sideways_is_refused(tmp_path: Path) -> None:
     path.write_text("clip," + ",".join(map(str, range(200_000))) + "\na" + 200_000 * "," + "\n")
     with pytest.raises(UsageError, match="more than 2000 columns"):
         read_lab_book(path)
+
+
+@pytest.mark.timeout(20)
+def test_a_book_of_a_million_rows_is_refused_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "marks.csv"
+    path.write_text("clip,x\n" + "a,1\n" * 10**6)
+    with pytest.raises(UsageError, match="one row per clip"):
+        read_lab_book(path)
