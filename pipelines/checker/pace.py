@@ -88,13 +88,27 @@ def _slow_part(time: FloatArray, place: FloatArray, steps: int) -> SlowPart | No
     # more of them are a jerky motion
     if len(jumps) == 2:
         (first, slower), (last, faster) = jumps
-        if slower < 1.0 < faster and abs(np.log(slower * faster)) < _MAX_MISMATCH:
+        one = slower < 1.0 < faster and abs(np.log(slower * faster)) < _MAX_MISMATCH
+        if one and _slow_throughout(time, place, (first, last), steps):
             return SlowPart(first, last, float(np.sqrt(faster / slower)))
     for row, factor in jumps:
         if _falls_alike(time, place, row, factor):
             end = len(time) - 1
             return SlowPart(0, row, factor) if factor > 1.0 else SlowPart(row, end, 1.0 / factor)
     return None
+
+
+def _slow_throughout(
+    time: FloatArray, place: FloatArray, part: tuple[int, int], steps: int
+) -> bool:
+    """Whether a part is slower than what is on both its sides; a swing is not, from turn to turn.
+
+    It is longer than the steps in which both jumps are seen: a turn has two sides, too.
+    """
+    first, last = part
+    speed = np.hypot(*(place[steps:] - place[:-steps]).T) / (time[steps:] - time[:-steps])
+    inside = speed[first : last - steps]
+    return last - first > 2 * steps and bool(inside.max() < min(speed[first - steps], speed[last]))
 
 
 def _falls_alike(time: FloatArray, place: FloatArray, row: int, factor: float) -> bool:

@@ -102,3 +102,12 @@ def test_doubled_rows_are_counted_and_a_rest_is_none() -> None:
     assert repeats_of(np.concatenate([np.repeat(place[:1], 50, axis=0), place])) == 1
     rounded = np.round(place[:, :1] * [1.0, 0.0], 2)
     assert repeats_of(rounded) == 1
+
+
+def test_a_swing_that_turns_round_is_no_slow_motion() -> None:
+    time = np.arange(216.0)
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        angle = 0.35 * np.cos(2.0 * np.pi * time / rng.uniform(40.0, 120.0) + rng.uniform(0.0, 6.0))
+        place = 300.0 * np.column_stack([np.sin(angle), np.cos(angle)])
+        assert find_slow_part(time, place + rng.normal(0.0, 0.1, place.shape)) is None
