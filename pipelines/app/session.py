@@ -35,6 +35,7 @@ from vision.clip.images import is_image
 if TYPE_CHECKING:
     import pandas as pd
 
+    from pipelines.app.pages.why import ClipExplained
     from pipelines.calibrate.wizard.session import Session
     from pipelines.measure.measurement import ClipMeasurement
 
@@ -62,6 +63,8 @@ class ClipSession:
         Why nothing was measured; empty otherwise.
     written : tuple of Path
         Files exported so far.
+    explained : ClipExplained or None
+        Answer of the page Why for the present measurement.
     wizard : Session or None
         Calibration of the clip, once the page Set up was opened.
     unsaved : str
@@ -82,6 +85,7 @@ class ClipSession:
         self.graphs: tuple[Graph, ...] = ()
         self.written: tuple[Path, ...] = ()
         self.wizard: Session | None = None
+        self.explained: ClipExplained | None = None
         self.problem = self.unsaved = self.step = ""
         self.part = 0.0
         self.revision = 0
@@ -163,7 +167,7 @@ class ClipSession:
                 self.problem = answer.problem
                 if measured is not None or answer.candidates is not None:
                     self.measured, self.figures, self.graphs = measured, figures, graphs
-                    self._shown = answer.candidates
+                    self._shown, self.explained = answer.candidates, None
                 # with corrections the answer holds the corrected objects, not those found
                 if answer.candidates is not None and not self.corrections.ball:
                     self._candidates = answer.candidates

@@ -3,41 +3,29 @@
 import json
 from collections.abc import Callable
 from functools import partial
-from html import escape
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from fastapi import FastAPI, HTTPException, Request, Response
-from fastapi.responses import HTMLResponse, JSONResponse
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
-from metrology import ImpactVisionError
 from pipelines.app.corrections import ClipInputs
-from pipelines.app.exports import sheet_html
+from pipelines.app.pages.addresses import app_of
 from pipelines.app.pages.clip import ClipPage
 from pipelines.app.pages.export import ExportPage
 from pipelines.app.pages.folder import FolderPage
 from pipelines.app.pages.open import OpenPage
 from pipelines.app.pages.setup import SetupPage
+from pipelines.app.pages.why import WhyPage
 from pipelines.app.session import AppSession
-from pipelines.app.words import LANGUAGES, Say, label_of, says
-from pipelines.calibrate.wizard.drawing import encoded
-from pipelines.calibrate.wizard.page import FIRST_URL, PICTURE_URL
+from pipelines.app.words import LANGUAGES, Say, says
 from pipelines.web import SCRIPT, serve_app
 
-__all__ = ["AppWindow", "app_of", "serve_page"]
-
-WAIT_FOR_FRAME_S = 4.0
-"""s that a request waits for a frame that is not decoded yet (chosen: the browser asks again)."""
+__all__ = ["AppWindow", "serve_page"]
 
 MAX_SILENCE_S = 30.0
 """s without a sign of a window until it counts as gone, and until the program then ends (chosen: a
 browser loads the page in less, also while measuring occupies all cores)."""
-
-_KEPT = {"cache-control": "private, max-age=86400, immutable"}
-_FRESH = {"cache-control": "no-store"}
 
 
 class AppWindow:
@@ -107,6 +95,8 @@ class AppWindow:
             FolderPage(folder, say, session.language, self._open_of_folder).build()
         elif session.page == "setup" and session.clip is not None:
             SetupPage(session.clip, session.jobs, say, partial(self.go, "clip")).build()
+        elif session.page == "why" and session.clip is not None:
+            WhyPage(session.clip, session.jobs, say).build()
         elif session.page == "export" and session.clip is not None:
             ExportPage(session.clip, session.jobs, say).build()
         else:
@@ -173,79 +163,8 @@ window.addEventListener("popstate", () => emitEvent("vision_page", location.hash
 def pages_of(session: AppSession) -> tuple[str, ...]:
     """Pages that can be shown now."""
     folder = ("folder",) if session.folder_session is not None else ()
-    clip = ("clip", "setup", "export") if session.clip is not None else ()
+    clip = ("clip", "setup", "why", "export") if session.clip is not None else ()
     return ("open", *folder, *clip)
-
-
-def app_of(session: AppSession) -> FastAPI:
-    """Web application: the page, its style and script, frames and marks of the open clip.
-
-    Parameters
-    ----------
-    session : AppSession
-    """
-    app = FastAPI(openapi_url=None)
-    own = {
-        name: (files("pipelines.app").joinpath(name).read_bytes(), kind)
-        for name, kind in (("style.css", "text/css"), ("viewer.js", "text/javascript"))
-    }
-
-    @app.get("/app/{name}")
-    def asset(name: str) -> Response:
-        if name not in own:
-            raise HTTPException(404)
-        content, kind = own[name]
-        return Response(content, media_type=kind, headers=_FRESH)
-
-    @app.get("/frame/{number}/{index}")
-    def frame(number: int, index: int) -> Response:
-        clip = session.clip
-        content = None
-        if clip is not None and clip.number == number:
-            content = clip.frames.jpeg(index, WAIT_FOR_FRAME_S)
-        if content is None:
-            raise HTTPException(404)
-        return Response(content, media_type="image/jpeg", headers=_KEPT)
-
-    @app.get("/marks/{number}/{revision}")
-    def marks(number: int, revision: int) -> JSONResponse:
-        clip = session.clip
-        if clip is None or clip.number != number:
-            raise HTTPException(404)
-        return JSONResponse(clip.marks(), headers=_FRESH)
-
-    @app.get("/thumb/{clip}")
-    def thumb(clip: str) -> Response:
-        folder = session.folder_session
-        content = None if folder is None else folder.picture(clip)
-        if content is None:
-            raise HTTPException(404)
-        return Response(content, media_type="image/jpeg", headers=_FRESH)
-
-    def scene(request: Request) -> Response:
-        wizard = None if session.clip is None else session.clip.wizard
-        if wizard is None:
-            raise HTTPException(404)
-        shown = wizard.answers.scene
-        picture = shown.first if request.url.path == FIRST_URL else shown.picture
-        return Response(encoded(picture), media_type="image/png", headers=_FRESH)
-
-    for url in (PICTURE_URL, FIRST_URL):
-        app.add_api_route(url, scene)
-
-    @app.get("/sheet")
-    def sheet() -> HTMLResponse:
-        clip = session.clip
-        if clip is None or clip.measured is None:
-            raise HTTPException(404)
-        label = partial(label_of, language=session.language)
-        try:
-            text = sheet_html(clip.measured, clip.as_command(), label)
-        except ImpactVisionError as problem:
-            text = f"<!doctype html><p>{escape(problem.in_one_line)}</p>"
-        return HTMLResponse(text, headers=_FRESH)
-
-    return app
 
 
 def serve_page(

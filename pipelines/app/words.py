@@ -194,6 +194,20 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "mark": ("Mark as bad", "Als schlecht markieren"),
     "unmark": ("Remove mark", "Markierung entfernen"),
     "gone": ("{name} is no longer there.", "{name} ist nicht mehr da."),
+    "why_of": ("Why: {name}", "Warum: {name}"),
+    "why_note": (
+        "Compares the recording with the model of the set-up, and names the physics that is"
+        " missing. It takes up to some minutes.",
+        "Vergleicht die Aufnahme mit dem Modell der Einrichtung und nennt die Physik, die fehlt."
+        " Es dauert bis zu einigen Minuten.",
+    ),
+    "explain": ("Compare", "Vergleichen"),
+    "explaining": ("Comparing recording and model …", "Aufnahme und Modell werden verglichen …"),
+    "why_picture": (
+        "Residuals before and after, and the missing force",
+        "Abweichungen vorher und nachher, und die fehlende Kraft",
+    ),
+    "why_all": ("Everything that was tried", "Alles, was versucht wurde"),
     "closed": (
         "The page is closed. You can close this window.",
         "Die Seite ist beendet. Dieses Fenster kann geschlossen werden.",

@@ -1,0 +1,110 @@
+"""Addresses of the page: style and script, frames, outlines, pictures, the sheet."""
+
+from functools import partial
+from html import escape
+from importlib.resources import files
+
+from fastapi import FastAPI, HTTPException, Request, Response
+from fastapi.responses import HTMLResponse, JSONResponse
+
+from metrology import ImpactVisionError
+from pipelines.app.exports import sheet_html
+from pipelines.app.session import AppSession
+from pipelines.app.words import label_of
+from pipelines.calibrate.wizard.drawing import encoded
+from pipelines.calibrate.wizard.page import FIRST_URL, PICTURE_URL
+
+__all__ = ["app_of"]
+
+WAIT_FOR_FRAME_S = 4.0
+"""s that a request waits for a frame that is not decoded yet (chosen: the browser asks again)."""
+
+_KEPT = {"cache-control": "private, max-age=86400, immutable"}
+_FRESH = {"cache-control": "no-store"}
+
+
+def app_of(session: AppSession) -> FastAPI:
+    """Web application: the page, its style and script, frames and marks of the open clip.
+
+    Parameters
+    ----------
+    session : AppSession
+    """
+    app = FastAPI(openapi_url=None)
+    _own_files(app)
+    _of_clip(app, session)
+    _of_other_pages(app, session)
+    return app
+
+
+def _own_files(app: FastAPI) -> None:
+    own = {
+        name: (files("pipelines.app").joinpath(name).read_bytes(), kind)
+        for name, kind in (("style.css", "text/css"), ("viewer.js", "text/javascript"))
+    }
+
+    @app.get("/app/{name}")
+    def asset(name: str) -> Response:
+        if name not in own:
+            raise HTTPException(404)
+        content, kind = own[name]
+        return Response(content, media_type=kind, headers=_FRESH)
+
+
+def _of_clip(app: FastAPI, session: AppSession) -> None:
+    @app.get("/frame/{number}/{index}")
+    def frame(number: int, index: int) -> Response:
+        clip = session.clip
+        content = None
+        if clip is not None and clip.number == number:
+            content = clip.frames.jpeg(index, WAIT_FOR_FRAME_S)
+        if content is None:
+            raise HTTPException(404)
+        return Response(content, media_type="image/jpeg", headers=_KEPT)
+
+    @app.get("/marks/{number}/{revision}")
+    def marks(number: int, revision: int) -> JSONResponse:
+        clip = session.clip
+        if clip is None or clip.number != number:
+            raise HTTPException(404)
+        return JSONResponse(clip.marks(), headers=_FRESH)
+
+    @app.get("/sheet")
+    def sheet() -> HTMLResponse:
+        clip = session.clip
+        if clip is None or clip.measured is None:
+            raise HTTPException(404)
+        label = partial(label_of, language=session.language)
+        try:
+            text = sheet_html(clip.measured, clip.as_command(), label)
+        except ImpactVisionError as problem:
+            text = f"<!doctype html><p>{escape(problem.in_one_line)}</p>"
+        return HTMLResponse(text, headers=_FRESH)
+
+
+def _of_other_pages(app: FastAPI, session: AppSession) -> None:
+    @app.get("/thumb/{clip}")
+    def thumb(clip: str) -> Response:
+        folder = session.folder_session
+        content = None if folder is None else folder.picture(clip)
+        if content is None:
+            raise HTTPException(404)
+        return Response(content, media_type="image/jpeg", headers=_FRESH)
+
+    def scene(request: Request) -> Response:
+        wizard = None if session.clip is None else session.clip.wizard
+        if wizard is None:
+            raise HTTPException(404)
+        shown = wizard.answers.scene
+        picture = shown.first if request.url.path == FIRST_URL else shown.picture
+        return Response(encoded(picture), media_type="image/png", headers=_FRESH)
+
+    for url in (PICTURE_URL, FIRST_URL):
+        app.add_api_route(url, scene)
+
+    @app.get("/why/{number}")
+    def why(number: int) -> Response:
+        clip = session.clip
+        if clip is None or clip.number != number or clip.explained is None:
+            raise HTTPException(404)
+        return Response(clip.explained.picture, media_type="image/png", headers=_FRESH)

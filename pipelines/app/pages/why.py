@@ -1,0 +1,130 @@
+"""Page Why: whether the model explains the clip, and which physics is missing."""
+
+from dataclasses import dataclass, replace
+
+from nicegui import ui
+
+from pipelines.api.explained import Verdict
+from pipelines.api.measured import Measurement
+from pipelines.app.corrections import options_of
+from pipelines.app.pages.clip import copy_card
+from pipelines.app.session import ClipSession
+from pipelines.app.words import Say
+from pipelines.setup.file import ball_from_option
+from pipelines.web import Jobs
+
+__all__ = ["ClipExplained", "WhyPage", "explained"]
+
+POLL_S = 0.3
+"""s between updates (chosen: appears immediate)."""
+
+
+@dataclass(frozen=True)
+class ClipExplained:
+    """The engine's answer for a clip.
+
+    Attributes
+    ----------
+    sentence : str
+        The answer in one sentence.
+    html : str
+        All of it; every text in it is escaped.
+    picture : bytes
+        PNG of the residuals before and after.
+    """
+
+    sentence: str
+    html: str
+    picture: bytes
+
+    @classmethod
+    def of(cls, verdict: Verdict) -> "ClipExplained":
+        """Answer of a verdict."""
+        sentence = repr(verdict).strip().partition("\n")[0]
+        return cls(sentence, verdict._repr_html_(), verdict.plot()._repr_png_())
+
+
+def explained(clip: ClipSession) -> ClipExplained:
+    """Compare the clip's tracks with the model, as `vision explain CLIP` does.
+
+    Raises
+    ------
+    ImpactVisionError
+        If there is too little to compare.
+    """
+    assert clip.measured is not None
+    options = options_of(clip.path, clip.corrections, corrected=False)
+    setup = options.setup
+    if options.ball is not None and setup.ball is None:
+        setup = replace(setup, ball=ball_from_option(options.ball))
+    return ClipExplained.of(Measurement(clip.measured, setup).explain())
+
+
+class WhyPage:
+    """The page in one window.
+
+    Parameters
+    ----------
+    clip : ClipSession
+    jobs : Jobs
+        Run the engine.
+    say : Say
+    """
+
+    def __init__(self, clip: ClipSession, jobs: Jobs, say: Say) -> None:
+        self.clip, self.jobs, self.say = clip, jobs, say
+        self._revision = -1
+
+    def build(self) -> None:
+        """Lay the page out."""
+        say, clip = self.say, self.clip
+        with ui.column().classes("va-page"):
+            with ui.column().classes("va-card"):
+                with ui.element("h1"):
+                    ui.label(say("why_of", name=clip.path.name))
+                ui.label(say("why_note")).classes("va-small")
+                if clip.measured is None:
+                    ui.label(say("nothing_to_export")).props("data-test=empty")
+                    return
+                button = ui.button(say("explain"), on_click=self._explain)
+                button.props("unelevated dense data-test=explain")
+                self.answer()
+            python = f"{clip.as_python()}\nprint(m.explain())"
+            setup = clip.corrections.inputs.setup
+            command = f"vision explain {clip.path}" + (f" --setup {setup}" if setup else "")
+            copy_card(say, command, python)
+        ui.timer(POLL_S, self._poll)
+
+    @ui.refreshable_method
+    def answer(self) -> None:
+        """The answer, or why there is none."""
+        found = self.clip.explained
+        if self.jobs.busy:
+            with ui.row().classes("items-center gap-2").props("role=status"):
+                ui.spinner(size="sm")
+                ui.label(self.say("explaining")).props("data-test=busy")
+        if self.jobs.problem:
+            note = ui.label(self.jobs.problem).classes("va-note bad")
+            note.props("role=alert data-test=problem")
+        if found is not None:
+            ui.label(found.sentence).props("data-test=sentence").style("font-weight: 650")
+            ui.image(f"/why/{self.clip.number}").props(f'alt="{self.say("why_picture")}"').style(
+                "max-width: 900px; background: #fff"
+            )
+            with ui.element("details"):
+                with ui.element("summary"):
+                    ui.label(self.say("why_all")).classes("inline")
+                ui.html(found.html, sanitize=False)
+
+    def _explain(self) -> None:
+        clip = self.clip
+
+        def work() -> None:
+            clip.explained = explained(clip)
+
+        self.jobs.submit("comparing recording and model", work)
+
+    def _poll(self) -> None:
+        if self.jobs.revision != self._revision:
+            self._revision = self.jobs.revision
+            self.answer.refresh()
