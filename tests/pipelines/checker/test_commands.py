@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 import impact_vision as iv
 from metrology import CalibrationError
+from pipelines.calibrate.command import find_unattended, session_of
 from pipelines.cli import app
 
 CLIP = Path(__file__).parents[3] / "sample_videos" / "clips" / "jokku_90_small.mp4"
@@ -21,6 +22,7 @@ class Lab:
     fps: str = "600"
     grid: str = "50 mm"
     camera: str = "4.601 m ± 5 mm"
+    ball: str = "201.75 mm"
     blamed: str = ""
     cure: str = ""
     in_python: str = ""
@@ -30,7 +32,7 @@ class Lab:
         path.write_text(
             f'[camera]\ncapture_fps = {self.fps}\ndistance_to_wall = "{self.camera}"\n'
             f'[wall]\ngrid = "{self.grid}"\nball_plane_offset = "0.444 m ± 5 mm"\n'
-            '[ball]\npreset = "jokku"\n',
+            f'[ball]\nmass = "0.353 kg"\ndiameter = "{self.ball}"\n',
             encoding="utf-8",
         )
         return path
@@ -41,7 +43,7 @@ class Lab:
             "wall_grid": self.grid,
             "camera_distance": self.camera,
             "ball_plane": "0.444 m ± 5 mm",
-            "ball": "jokku",
+            "ball": f"{self.ball}, 0.353 kg",
         }
 
 
@@ -63,6 +65,11 @@ WRONG = {
         blamed="the wall grid",
         cure="--wall-grid 50mm",
         in_python='wall_grid="50mm"',
+    ),
+    "ball of 246 mm": Lab(
+        ball="246 mm",
+        blamed="the ball's diameter",
+        cure="mm instead of 246 mm everything fits",
     ),
 }
 TOO_SMALL = pytest.mark.xfail(reason="the fall of this small clip is found to 3 % only")
@@ -99,11 +106,21 @@ def by_calibrate_in_python(lab: Lab, folder: Path) -> str:
         return str(problem)
 
 
+def by_wizard(lab: Lab, folder: Path) -> str:
+    session = session_of(CLIP, folder / "new.toml", **lab.options())
+    try:
+        find_unattended(session)
+    except CalibrationError as problem:
+        return str(problem)
+    return " ".join((session.outlook.problem, *session.outlook.warnings))
+
+
 ASKED = {
     "measure": by_command("measure"),
     "landing": by_command("landing"),
     "campaign": by_campaign,
     "calibrate --yes": by_calibrate,
+    "wizard": by_wizard,
     "iv.measure": by_measure_in_python,
     "iv.calibrate": by_calibrate_in_python,
 }
