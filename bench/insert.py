@@ -69,6 +69,7 @@ def values() -> dict[str, Callable[[], str]]:
             _add(known, f"lessons.{lesson}.{name}", entry)
     known |= _evidence(read_results("evidence.json"))
     known["kills"] = lambda: _kills_text(read_results("kills.json"))
+    known["hostile"] = lambda: _hostile_text(read_results("hostile.json"))
     known["inputs"] = lambda: _inputs_text(read_results("inputs.json"))
     known["cost.table"] = lambda: _cost_table(read_results("cost.json"))
     names = read_results("acceptance.json")
@@ -98,6 +99,12 @@ def _kills_text(found: Record) -> str:
         f" {total['incomplete']} incomplete; {total['inputs_damaged']} inputs damaged;"
         f" {total['orphans']} processes left after 5 s{again}"
     )
+
+
+def _hostile_text(found: Record) -> str:
+    faults = ", ".join(f"{count} × {fault}" for fault, count in found["faults"].items() if count)
+    inputs = found["inputs"]
+    return f"{sum(inputs.values())} inputs, {len(inputs)} kinds, faults: {faults or 'none'}"
 
 
 def _inputs_text(found: Record) -> str:

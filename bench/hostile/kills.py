@@ -5,7 +5,8 @@ Run: python -m bench.hostile.kills [--moments 20] [--commands NAME…] [--json F
 Inputs must be unchanged, and every output either absent, as before, or readable. A hidden
 temporary file may remain after signal 9; it does not carry an output's name. The processes that the
 command started end within 5 s. What goes on where it stopped is then run again: it ends well, and
-its table has each clip once. With --json the counts are stored by command, for the docs.
+its table has each clip once. With --json the counts are stored by command, for the docs; commands
+that are not run keep theirs.
 """
 
 import argparse
@@ -268,7 +269,8 @@ def main() -> None:
             )
         print("| " + " | ".join(row(name, every[name])) + " |", flush=True)
         if asked.json is not None:
-            counts = {name: asdict(one) for name, one in every.items()}
+            kept = json.loads(asked.json.read_text("utf-8")) if asked.json.exists() else {}
+            counts = kept | {name: asdict(every[name])}
             asked.json.write_text(json.dumps(counts, indent=1) + "\n", encoding="utf-8")
     sys.exit(min(sum(one.bad for one in every.values()), 1))
 

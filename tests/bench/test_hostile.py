@@ -40,8 +40,8 @@ def _bench(module: str, *words: str) -> None:
     [
         (replace(FINE, code=1, said="Traceback (most recent call last):\n"), Fault.TRACEBACK),
         (replace(FINE, code=-9), Fault.CODE),
-        (replace(FINE, worked=31.0), Fault.HANG),
-        (replace(FINE, seconds=121.0), Fault.HANG),
+        (replace(FINE, worked=121.0), Fault.HANG),
+        (replace(FINE, idle=61.0), Fault.HANG),
         (replace(FINE, memory=3 << 30), Fault.MEMORY),
         (replace(FINE, code=2, left={"b.csv": b"x"}), Fault.SPEECHLESS),
         (replace(FINE, said="a.py:3: RuntimeWarning: overflow\n"), Fault.NOISE),
