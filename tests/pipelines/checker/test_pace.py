@@ -105,9 +105,13 @@ def test_doubled_rows_are_counted_and_a_rest_is_none() -> None:
 
 
 def test_a_swing_that_turns_round_is_no_slow_motion() -> None:
-    time = np.arange(216.0)
-    for seed in range(40):
+    for seed in range(90):
         rng = np.random.default_rng(seed)
-        angle = 0.35 * np.cos(2.0 * np.pi * time / rng.uniform(40.0, 120.0) + rng.uniform(0.0, 6.0))
-        place = 300.0 * np.column_stack([np.sin(angle), np.cos(angle)])
-        assert find_slow_part(time, place + rng.normal(0.0, 0.1, place.shape)) is None
+        period, size = rng.uniform(30.0, 140.0), rng.uniform(15.0, 200.0)
+        phase, count = rng.uniform(0.0, 6.28), int(rng.uniform(60, 260))
+        noise, arm = np.exp(rng.uniform(np.log(0.03), np.log(0.6))), rng.uniform(100.0, 600.0)
+        time = np.arange(float(count))
+        damped = np.exp(-time * rng.uniform(0.0, 0.004))
+        angle = size / arm * np.cos(2.0 * np.pi * time / period + phase) * damped
+        place = arm * np.column_stack([np.sin(angle), np.cos(angle)])
+        assert find_slow_part(time, place + rng.normal(0.0, noise, place.shape)) is None
