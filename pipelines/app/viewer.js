@@ -74,6 +74,8 @@ viewer.open = config => {
   });
   viewer.go(now.at);
   if (config.marks) viewer.marks(config.marks);
+  // the graphs may have come first
+  if (viewer.linked) viewer.charts(viewer.linked);
 };
 
 viewer.frames = count => {
@@ -287,8 +289,10 @@ function key(event) {
 
 // graphs: a click goes to the nearest point's frame, and the frame is marked
 viewer.charts = charts => {
+  viewer.linked = charts;
   if (!now) return;
   now.charts = charts.map(one => ({...one, chart: null, points: []}));
+  now.stage.dataset.graphs = "";
   attach(40);
 };
 function attach(tries) {
@@ -303,7 +307,8 @@ function attach(tries) {
     paint(one.chart);
     one.chart.getZr().on("click", event => nearest(one, event));
   }
-  if (missing && tries > 0) setTimeout(() => attach(tries - 1), 100);
+  if (!missing) now.stage.dataset.graphs = "ready";
+  else if (tries > 0) setTimeout(() => attach(tries - 1), 100);
   cursors();
 }
 function paint(chart) {

@@ -100,6 +100,7 @@ def test_a_clip_from_numbers_to_a_correction(browser: Any, tmp_path: Path) -> No
         page.keyboard.press("Home")
         until(page, lambda: shown(page) == 0)
         # a click in a graph goes to its frame
+        until(page, lambda: stage.get_attribute("data-graphs") == "ready")
         graph = page.locator(".va-graph").first
         graph.scroll_into_view_if_needed()
         box = graph.bounding_box()
