@@ -1180,8 +1180,7 @@ def _fit_in_one(
         own_pull = np.where(kept, -nuisance * own_prior, 0.0)
         matrix, vector, inverse, cross = reduce(system, own_pull, pull)
         gradient = np.einsum("tmq,tm->tq", system.own, system.residual) + own_pull
-        room = _room(model, free, n_laws)
-        normal = _NormalEquations(matrix, vector, inverse, cross, gradient, room)
+        normal = _NormalEquations(matrix, vector, inverse, cross, gradient)
         here = _PlaceOfFit((nuisance, laws, model), cost, chi2, residual)
         found, damping = _stepped_down(forward, system, normal, here, free, penalty, damping)
         gained = cost - found.cost
@@ -1225,34 +1224,17 @@ class _PlaceOfFit:
 
 @dataclass(frozen=True)
 class _NormalEquations:
-    """The normal equations of a step, trial-to-trial values eliminated.
-
-    `room` (2, n) is how far each shared parameter may move down and up.
-    """
+    """The normal equations of a step, trial-to-trial values eliminated."""
 
     matrix: FloatArray
     vector: FloatArray
     inverse: FloatArray
     cross: FloatArray
     gradient: FloatArray
-    room: FloatArray
 
     def step(self, damping: float = 0.0) -> Step:
-        """Gauss and Newton's, damped by Levenberg and Marquardt's.
-
-        What would leave its room stops at the edge, and the others take their step beside it.
-        """
+        """Gauss and Newton's, damped by Levenberg and Marquardt's."""
         move = solve(self.matrix, self.vector, damping)
-        low, high = self.room
-        stopped = np.zeros(move.size, dtype=bool)
-        while True:
-            left = ~stopped & ((move < low) | (move > high))
-            if not left.any():
-                break
-            stopped |= left
-            move, rest = np.where(stopped, np.clip(move, low, high), 0.0), ~stopped
-            pull = self.vector - self.matrix @ move
-            move[rest] = solve(self.matrix[np.ix_(rest, rest)], pull[rest], damping)
         pull = self.gradient - np.einsum("tqn,n->tq", self.cross, move)
         return np.einsum("tqr,tr->tq", self.inverse, pull), move
 
@@ -1293,12 +1275,8 @@ def _stepped_down(
 
     # Where the first step fails most others do, and together they cost little more than one.
     tried = at(damped(damping))
-    # A whole step that neither gains nor loses has arrived, and no shorter one gains more.
-    arrived = 0.0 if damping else SETTLED + 1e-7 * stand.cost
-    if not tried[0].cost < stand.cost + arrived:
+    if not tried[0].cost < stand.cost:
         tried += at(*(damped(by) for by in dampings[1:]))
-    elif not tried[0].cost < stand.cost:
-        return stand, 0.0
     last = _first_below(tried, stand.cost)
     found = tried[last]
     damping = dampings[last] if found.cost < stand.cost else max(4.0 * dampings[last], 0.05)
@@ -1352,8 +1330,7 @@ def _bend(
     pull = -np.einsum("tmq,tm->tq", system.own, bent)
     vector = -np.einsum("tmn,tm->n", system.shared, bent)
     vector = vector - np.einsum("tqn,tq->n", normal.inverse @ normal.cross, pull)
-    endless = np.full_like(normal.room, np.inf) * [[-1.0], [1.0]]
-    return replace(normal, vector=vector, gradient=pull, room=endless).step()
+    return replace(normal, vector=vector, gradient=pull).step()
 
 
 def _residuals(forward: Forward, points: Sequence[Point]) -> list[tuple[float, FloatArray]]:
@@ -1452,8 +1429,7 @@ class _SwingFit:
         own_pull = np.where(self.own_prior < 1e15, -nuisance * self.own_prior, 0.0)
         matrix, vector, inverse, cross = reduce(system, own_pull, pull)
         gradient = np.einsum("tmq,tm->tq", system.own, system.residual) + own_pull
-        room = _room(model, self.free, laws.size)
-        return _NormalEquations(matrix, vector, inverse, cross, gradient, room)
+        return _NormalEquations(matrix, vector, inverse, cross, gradient)
 
     def covariance(self, place: _PlaceOfArcs, excess: float) -> FloatArray:
         """(n, n) of the free parameters, which readers widen by a misfit of `excess`.
@@ -1472,19 +1448,18 @@ class _SwingFit:
         damping, hopeless = 0.0, start.hopeless
         for left in reversed(range(STEPS_OF_ARCS)):
             normal = self.normal(place)
-            before, settled = damping, SETTLED + 1e-6 * place.cost
+            before = damping
             for _ in range(8):
                 moved = self.moved(place, normal.step(damping), 1.0 / (1.0 + damping))
-                # A step that neither gains nor loses has arrived, and no shorter one gains more.
-                if moved.cost < place.cost + settled:
+                if moved.cost < place.cost:
                     break
                 damping = max(4.0 * damping, 0.25)
             else:
                 break
-            gained, place = place.cost - moved.cost, min(moved, place, key=lambda one: one.cost)
+            gained, place = place.cost - moved.cost, moved
             if damping == before:
                 damping = 0.0 if damping < 0.3 else 0.2 * damping
-            if gained < settled:
+            if gained < SETTLED + 1e-6 * place.cost:
                 break
             if place.cost > hopeless and gained < CREEPING * place.cost:
                 return place, True
@@ -1576,23 +1551,15 @@ def _prior_information(p: Parameter, excess: float, shape_priors: bool) -> float
     return p.scale**-2 if p.is_shape and shape_priors else 0.0
 
 
-def _room(model: ForwardModel, free: Sequence[Free], laws: int) -> FloatArray:
-    """How far laws and parameters may move down and up in one step, (2, n).
-
-    Shapes keep within their bounds, and none goes further than a linear step can be trusted.
-    """
-    room = [(-np.inf, np.inf)] * laws
-    for item, value in zip(free, _values(model, free), strict=True):
-        p = item.parameter
-        if p.is_shape:
-            room.append((max(p.lower - value, -p.scale), min(p.upper - value, p.scale)))
-        else:
-            room.append((-40.0 * p.scale, 40.0 * p.scale))
-    return np.array(room, dtype=np.float64).reshape(-1, 2).T
-
-
 def _stepped(model: ForwardModel, free: Sequence[Free], moves: FloatArray) -> ForwardModel:
     entries = [(effect, dict(values)) for effect, values in model.entries]
-    for item, move in zip(free, np.clip(moves, *_room(model, free, 0)), strict=True):
-        entries[item.entry][1][item.parameter.name] += float(move)
+    for item, move in zip(free, moves, strict=True):
+        p = item.parameter
+        values = entries[item.entry][1]
+        # Ten scales at once is further than a linear step can be trusted.
+        reach = 40.0 * p.scale if not p.is_shape else 1.0 * p.scale
+        new = values[p.name] + float(np.clip(move, -reach, reach))
+        if p.is_shape:
+            new = float(np.clip(new, p.lower, p.upper))
+        values[p.name] = new
     return replace(model, entries=tuple(entries))
