@@ -12,7 +12,7 @@ import argparse
 import json
 import pickle
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -229,7 +229,7 @@ def search_linking(store: list[Recording], start: LinkParameters, rounds: int) -
     best, most = start, score(start)
     print(f"coverage {most:.3f}", flush=True)
     for _ in range(rounds):
-        for name in vars(start):
+        for name in start._fields:
             for factor in (0.7, 1.4):
                 value = getattr(best, name)
                 scaled = (
@@ -237,7 +237,7 @@ def search_linking(store: list[Recording], start: LinkParameters, rounds: int) -
                 )
                 if name == "stays_missed":
                     scaled = min(scaled, 0.95)
-                tried = replace(best, **{name: scaled})
+                tried = best._replace(**{name: scaled})
                 found = score(tried)
                 if found > most:
                     best, most = tried, found
@@ -336,7 +336,7 @@ def intervals(values: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
 
 
 def _flat(linking: LinkParameters) -> FloatArray:
-    return np.concatenate([np.atleast_1d(value) for value in vars(linking).values()])
+    return np.concatenate([np.atleast_1d(value) for value in linking])
 
 
 def _entry(value: FloatArray, fit: FloatArray, low: FloatArray, high: FloatArray) -> dict[str, Any]:
@@ -357,7 +357,7 @@ def _linking_entries(
     ]
     low, high = intervals(drawn)
     entries, first = {}, 0
-    for name, value in vars(used).items():
+    for name, value in used._asdict().items():
         rows = slice(first, first + np.size(value))
         entries[name] = _entry(np.array(value), _flat(fitted)[rows], low[rows], high[rows])
         first = rows.stop

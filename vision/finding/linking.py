@@ -46,8 +46,7 @@ MIN_FOUND_ROWS = 3
 """Frames in which an object is found at least. Derived: fewer determine no motion."""
 
 
-@dataclass(frozen=True)
-class LinkParameters:
+class LinkParameters(NamedTuple):
     """Parameters of the likelihood.
 
     Attributes
@@ -90,8 +89,9 @@ def link_parameters() -> LinkParameters:
     """The parameters in use."""
     text = resources.files("vision.finding").joinpath("parameters.json").read_text("utf-8")
     values = json.loads(text)["linking"]
-    looks = tuple(values.pop("looks")["value"])
-    return LinkParameters(**{name: each["value"] for name, each in values.items()}, looks=looks)
+    coverage, sharpness, constant = map(float, values.pop("looks")["value"])
+    single = {name: float(each["value"]) for name, each in values.items()}
+    return LinkParameters(**single, looks=(coverage, sharpness, constant))
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,10 @@ def link(
     step = np.searchsorted(frames, seen.frame)
     # false detections for each px²: what is found, spread over the picture
     density = len(seen) / (len(frames) * float(shape[0] * shape[1]))
-    marks = _LinkMarks.of(seen, step, known, density)
+    marks = _LinkMarks(
+        *(seen.frame.astype(np.float64), step, seen.centre_px, seen.radius_px, seen.colour),
+        *(node_worth(seen, known), density, known),
+    )
     pairs = _pairs(marks)
     alive = np.ones(len(seen), dtype=bool)
     chains: list[IntArray] = []
@@ -190,24 +193,8 @@ def link(
     return sorted(found, key=lambda one: -one.log_odds)[:_MAX_TRACKLETS]
 
 
-class _LinkWeights(NamedTuple):
-    """The parameters but for looks, and false detections for each px²."""
-
-    place_px: float
-    place_radii: float
-    change_radii: float
-    change_freedom: float
-    speed_radii: float
-    log_radius: float
-    colour: float
-    missed: float
-    stays_missed: float
-    begins: float
-    density: float
-
-
 class _LinkMarks(NamedTuple):
-    """What compiled loops read of all detections, and the parameters."""
+    """What compiled loops read: all detections, false ones for each px², the parameters."""
 
     frame: FloatArray
     step: IntArray
@@ -215,22 +202,8 @@ class _LinkMarks(NamedTuple):
     radius: FloatArray
     colour: FloatArray
     worth: FloatArray
-    weights: _LinkWeights
-
-    @classmethod
-    def of(
-        cls, seen: Detections, step: IntArray, known: LinkParameters, density: float
-    ) -> "_LinkMarks":
-        values = [getattr(known, name) for name in _LinkWeights._fields[:-1]]
-        return cls(
-            seen.frame.astype(np.float64),
-            step,
-            seen.centre_px,
-            seen.radius_px,
-            seen.colour,
-            node_worth(seen, known),
-            _LinkWeights._make([*values, density]),
-        )
+    density: float
+    weights: LinkParameters
 
 
 @dataclass(frozen=True)
@@ -430,7 +403,7 @@ def _begun(one: int, other: int, marks: _LinkMarks) -> float:
     scale = 2.0 * (known.place_px * known.place_px + share * share) + reach * reach
     anew = -1.5 * math.log(1.0 + (away[0] * away[0] + away[1] * away[1]) / scale)
     anew += 2.0 * math.log(known.begins)
-    return float(anew - math.log(6.2832 * scale * known.density))
+    return float(anew - math.log(6.2832 * scale * marks.density))
 
 
 @compiled
@@ -449,7 +422,7 @@ def _turn(one: int, middle: int, other: int, marks: _LinkMarks) -> float:
     wide = wide * (2.0 + 2.0 * ratio + 2.0 * ratio * ratio) + pull * pull
     freedom = known.change_freedom
     odds = math.log(1.0 + (off[0] * off[0] + off[1] * off[1]) / (wide * freedom))
-    return float(-0.5 * (freedom + 2.0) * odds - math.log(6.2832 * wide * known.density))
+    return float(-0.5 * (freedom + 2.0) * odds - math.log(6.2832 * wide * marks.density))
 
 
 def _parts(rows: IntArray, marks: _LinkMarks) -> list[IntArray]:
@@ -662,7 +635,7 @@ def _best_links(
     frame, centre, radius, worth = marks.frame, marks.centre, marks.radius, marks.worth
     known = marks.weights
     place_px, place_radii, change = known.place_px, known.place_radii, known.change_radii
-    freedom, speed, density = known.change_freedom, known.speed_radii, known.density
+    freedom, speed, density = known.change_freedom, known.speed_radii, marks.density
     begin_odds = math.log(known.begins)
     time = np.empty(len(early))
     speed_x, speed_y = np.empty(len(early)), np.empty(len(early))
