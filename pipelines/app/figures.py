@@ -6,8 +6,13 @@ from enum import StrEnum
 from metrology import Contribution, Quantity
 from metrology.quantity import format_pair, format_unit
 from pipelines.checker.scene import Finding
-from pipelines.measure.inputs import kinds_of, main_quantities
-from pipelines.measure.measurement import ClipMeasurement
+from pipelines.measure.inputs import (
+    LENGTHLESS_UNITS,
+    TIMELESS_UNITS,
+    kinds_of,
+    main_quantities,
+)
+from pipelines.measure.measurement import ClipMeasurement, motion_warning
 from pipelines.report import Check, CheckOutcome
 from pipelines.report.inputs import CheckKind, for_people, quantity_label
 
@@ -53,18 +58,6 @@ class Figure:
     why: str = ""
     budget: tuple[tuple[str, str, float], ...] = ()
 
-
-_FAMILIES = {
-    "COR": ("cor_speeds", "cor_launch", "cor_range", "cor"),
-    "mpulse": ("external_impulse",),
-    "nergy": ("energy_loss",),
-    "anding": ("landing_distance", "landing_distance_on_wall", "landing_time", "cor_range"),
-}
-"""Words in an assumption and the quantities that they name; without one it concerns all."""
-
-_TIMELESS = frozenset({"1", "deg", "m"})
-_LENGTHLESS = frozenset({"1", "deg", "s", "1/s", "px/s", "px/s^2"})
-"""Units of quantities that a wrong rate, or a wrong scale, leaves unchanged."""
 
 _CHECKED = {
     CheckKind.COR_AGREEMENT: ("cor_speeds", "cor_launch", "cor_range", "cor"),
@@ -125,22 +118,21 @@ def _standing(item: Quantity, measured: ClipMeasurement) -> tuple[Standing, str]
     for check in measured.checks:
         if check.outcome is CheckOutcome.FAILED and _contradicts(check, item):
             return Standing.CONTRADICTED, check.statement
-    for sentence in measured.assumed:
-        if _concerns(sentence, item.name):
-            return Standing.ASSUMED, sentence
+    # every number is one of the kind of motion that is assumed
+    if doubt := motion_warning(measured.motion):
+        return Standing.ASSUMED, doubt[0]
+    for assumption in measured.assumed:
+        if item.name in assumption.concerned:
+            return Standing.ASSUMED, assumption.sentence
     return Standing.SOUND, ""
 
 
 def _changes(finding: Finding, unit: str) -> bool:
     """Whether the input at fault changes quantities of a unit."""
-    return unit not in (_TIMELESS if finding.key in ("rate", "pace") else _LENGTHLESS)
+    unchanged = TIMELESS_UNITS if finding.key in ("rate", "pace") else LENGTHLESS_UNITS
+    return unit not in unchanged
 
 
 def _contradicts(check: Check, item: Quantity) -> bool:
     names = _CHECKED.get(check.kind)
     return item.unit not in ("1", "deg") if names is None else item.name in names
-
-
-def _concerns(sentence: str, name: str) -> bool:
-    named = [names for word, names in _FAMILIES.items() if word in sentence]
-    return not named or any(name in names for names in named)

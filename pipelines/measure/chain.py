@@ -32,7 +32,14 @@ from pipelines.measure.budget import (
 )
 from pipelines.measure.gravity import scale_std, seen_fall, with_fitted_slant
 from pipelines.measure.impact import Impact, find_impact, next_strike_time, other_strikes
-from pipelines.measure.inputs import Inputs, gather_inputs
+from pipelines.measure.inputs import (
+    LENGTHLESS_UNITS,
+    TIMELESS_UNITS,
+    Assumption,
+    Inputs,
+    gather_inputs,
+    quantities_except,
+)
 from pipelines.measure.measurement import ClipMeasurement, motion_warning
 from pipelines.measure.metres import (
     AssumedLens,
@@ -277,7 +284,7 @@ class Found:
     calibration : Calibration or None
     grid : WallGrid or None
     warnings : tuple of str
-    assumed : tuple of str
+    assumed : tuple of Assumption
         What is assumed since it was not given.
     """
 
@@ -287,7 +294,7 @@ class Found:
     calibration: Calibration | None
     grid: WallGrid | None
     warnings: tuple[str, ...]
-    assumed: tuple[str, ...] = ()
+    assumed: tuple[Assumption, ...] = ()
 
 
 @measured_once
@@ -374,7 +381,7 @@ def measurement_of(
     results = found.results
     clocks = next((finding for finding in findings if finding.key == "pace"), None)
     if clocks is not None:
-        results = results.withheld(clocks.sentence.removeprefix("Likely cause: "))
+        results = results.withheld(clocks.sentence)
     return ClipMeasurement(
         info=info,
         rate=found.rate,
@@ -386,7 +393,7 @@ def measurement_of(
             dict.fromkeys(
                 [
                     *(finding.sentence for finding in findings),
-                    *found.assumed,
+                    *(one.sentence for one in found.assumed),
                     *warnings,
                     *motion_warning(followed.tracks.motion),
                     *later,
@@ -516,7 +523,8 @@ def quantities_of(
     motion = motion_quantities(tracks, _motion_scene(scene, followed, wall))
     results = results_of(evaluated, tracks, wall.refusal, motion, wanted)
     assumed = _assumptions(scene, wall, tracks)
-    warnings = [] if scene.rate.notice in (None, *assumed) else [str(scene.rate.notice)]
+    notice, said = scene.rate.notice, {one.sentence for one in assumed}
+    warnings = [] if notice is None or notice in said else [notice]
     warnings += tracks.warnings
     if wall.calibration is not None:
         warnings += wall.calibration.warnings
@@ -529,16 +537,19 @@ def quantities_of(
     )
 
 
-def _assumptions(scene: ClipConditions, wall: "WallScene", tracks: Tracks) -> tuple[str, ...]:
+def _assumptions(
+    scene: ClipConditions, wall: "WallScene", tracks: Tracks
+) -> tuple[Assumption, ...]:
     """What is assumed since it was not given, each with its consequence and the option."""
-    inputs, assumed = scene.inputs, []
+    inputs, assumed = scene.inputs, list[Assumption]()
     if scene.rate.source is RateSource.ASSUMED and scene.rate.notice is not None:
-        assumed.append(scene.rate.notice)
+        assumed.append(Assumption(scene.rate.notice, quantities_except(TIMELESS_UNITS)))
     if wall.grid is not None and inputs.setup.wall.grid is None:
-        assumed.append(
+        sentence = (
             f"No grid pitch given: squares of {1e3 * inputs.grid_pitch:g} mm (Ryu et al.) are"
             " assumed. Every length is proportional to it. Pass --wall-grid."
         )
+        assumed.append(Assumption(sentence, quantities_except(LENGTHLESS_UNITS)))
     if tracks.motion.kind not in _OTHER_MOTIONS:
         assumed += inputs.assumed
     return tuple(assumed)

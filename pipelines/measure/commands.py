@@ -766,7 +766,7 @@ def _measured(
             refused = problem
     if not wanted.quiet:
         for assumption in measured.assumed:
-            errors.print(f"assumed: {assumption}", soft_wrap=True)
+            errors.print(f"assumed: {assumption.sentence}", soft_wrap=True)
     if wanted.json == "-":
         sys.stdout.write(measurement_as_json(measured, names) + "\n")
     elif not wanted.quiet and any(
@@ -776,8 +776,9 @@ def _measured(
         if wanted.report is not None and budgets:
             _print_budgets(measured, names)
     if not wanted.quiet:
+        shown = {assumption.sentence for assumption in measured.assumed}
         for warning in measured.warnings:
-            if warning in measured.assumed:
+            if warning in shown:
                 continue
             errors.print(f"warning: {warning}", soft_wrap=True)
     if refused is not None:

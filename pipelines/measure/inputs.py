@@ -11,13 +11,17 @@ from pipelines.setup.file import BallSetup, Origin, Rig, Setup, ball_from_option
 from vision.tracks import MotionKind
 
 __all__ = [
+    "LENGTHLESS_UNITS",
     "QUANTITY_UNITS",
+    "TIMELESS_UNITS",
+    "Assumption",
     "Inputs",
     "QuantityName",
     "gather_inputs",
     "in_pixels",
     "kinds_of",
     "main_quantities",
+    "quantities_except",
 ]
 
 UNKNOWN_DRAG = 0.02
@@ -26,6 +30,22 @@ lighter ones: 0.02 to 0.05)."""
 
 UNKNOWN_LIFT_STD = 0.02
 """1/s, std of lift per speed of such a ball at the assumed spin (the paper's balls: 0.02)."""
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """A value that is assumed since it was not given.
+
+    Attributes
+    ----------
+    sentence : str
+        What is assumed, its consequence and the option.
+    concerned : frozenset of str
+        Names of the quantities that depend on it.
+    """
+
+    sentence: str
+    concerned: frozenset[str]
 
 
 @dataclass(frozen=True)
@@ -69,7 +89,7 @@ class Inputs:
     grid_pitch: float
     fine_pitch: float
     rig: Rig
-    assumed: tuple[str, ...]
+    assumed: tuple[Assumption, ...]
     arm_factor: float = 1.0
     after_factor: float = 1.0
     normal_sigmas: float = 0.0
@@ -130,19 +150,26 @@ def gather_inputs(setup: Setup, ball: str | None, wall_grid: str | None) -> Inpu
         setup = replace(setup, wall=wall)
     rig = rig_of(setup, chosen)
     pitch = rig.grid_pitch.value
-    assumed = []
+    assumed: list[Assumption] = []
     pendulum = setup.pendulum
     if pendulum is None:
         pendulum = bodies.PAPER_PENDULUM
         assumed.append(
-            "No pendulum given: the one of Ryu et al. (6.0 kg, 1.579 kg m²) is assumed. COR,"
-            " impulse and energy hold only for that pendulum. Set [pendulum] in the setup file."
+            Assumption(
+                "No pendulum given: the one of Ryu et al. (6.0 kg, 1.579 kg m²) is assumed. COR,"
+                " impulse and energy hold only for that pendulum. Set [pendulum] in the setup"
+                " file.",
+                frozenset(_OF_THE_PENDULUM),
+            )
         )
     fall = None if rig.support_height is None else rig.support_height.value
     if rig.support_height is not None and rig.support_height.value_from is Origin.PRESET:
         assumed.append(
-            "No support height given: 0.312 m (Ryu et al.) is assumed. Landing and its COR hold"
-            " only for that height. Set [support] height in the setup file."
+            Assumption(
+                "No support height given: 0.312 m (Ryu et al.) is assumed. Landing and its COR hold"
+                " only for that height. Set [support] height in the setup file.",
+                frozenset(_OF_THE_SUPPORT),
+            )
         )
     return Inputs(
         setup=setup,
@@ -241,6 +268,35 @@ _TABLE: dict[QuantityName, tuple[str, tuple[MotionKind, ...]]] = {
 }
 
 QUANTITY_UNITS: dict[str, str] = {name.value: unit for name, (unit, _) in _TABLE.items()}
+
+
+_OF_THE_SUPPORT = (
+    QuantityName.LANDING_DISTANCE,
+    QuantityName.LANDING_DISTANCE_ON_WALL,
+    QuantityName.LANDING_TIME,
+    QuantityName.COR_RANGE,
+    QuantityName.COR,
+)
+_OF_THE_PENDULUM = (
+    QuantityName.COR_SPEEDS,
+    QuantityName.COR_LAUNCH,
+    QuantityName.COR_RANGE,
+    QuantityName.COR,
+    QuantityName.EXTERNAL_IMPULSE,
+    QuantityName.ENERGY_LOSS,
+)
+"""Quantities that depend on the height of the support, and on the pendulum's properties."""
+
+TIMELESS_UNITS = frozenset({"1", "deg", "m", "px"})
+LENGTHLESS_UNITS = frozenset({"1", "deg", "s", "1/s", "px", "px/s", "px/s^2"})
+"""Units of quantities that a wrong rate, or a wrong scale, leaves unchanged."""
+
+
+def quantities_except(units: frozenset[str]) -> frozenset[str]:
+    """Quantities in other units."""
+    return frozenset(name for name, unit in QUANTITY_UNITS.items() if unit not in units)
+
+
 """Quantities of every clip, in order; ``cor`` is the mean of the estimates."""
 
 _IN_PIXELS = {

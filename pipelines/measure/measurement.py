@@ -13,7 +13,7 @@ from metrology import NotFoundError, Quantity
 from pipelines.checker.scene import Finding
 from pipelines.measure.budget import JointCovariance
 from pipelines.measure.impact import Impact
-from pipelines.measure.inputs import QUANTITY_UNITS
+from pipelines.measure.inputs import QUANTITY_UNITS, Assumption
 from pipelines.measure.metres import CameraMapping, MetricTracks
 from pipelines.report import Check
 from pipelines.setup.file import RigNumber
@@ -96,8 +96,8 @@ class ClipMeasurement:
         Properties of the apparatus whose value or uncertainty is a default.
     findings : tuple of Finding
         Inputs that contradict each other, each with cause and cure; they lead the warnings.
-    assumed : tuple of str
-        Warnings about what is assumed since it was not given.
+    assumed : tuple of Assumption
+        What is assumed since it was not given; the sentences are among the warnings.
     joint : JointCovariance or None
         Covariance of the known quantities.
     """
@@ -115,7 +115,7 @@ class ClipMeasurement:
     impact: Impact | None
     defaults: tuple[RigNumber, ...] = ()
     findings: tuple[Finding, ...] = ()
-    assumed: tuple[str, ...] = ()
+    assumed: tuple[Assumption, ...] = ()
     joint: JointCovariance | None = None
 
     @property

@@ -10,19 +10,35 @@ from pipelines.app.figures import Standing, figures_of
 from pipelines.app.graphs import MAX_POINTS, graphs_of
 from pipelines.app.marks import MAX_CANDIDATES, marks_of
 from pipelines.checker.scene import Finding
+from pipelines.measure.inputs import (
+    TIMELESS_UNITS,
+    Assumption,
+    gather_inputs,
+    quantities_except,
+)
+from pipelines.measure.measurement import ClipMeasurement
 from pipelines.report import Check, CheckOutcome
 from pipelines.report.inputs import CheckKind
+from pipelines.setup.file import Setup
 from tests.pipelines.app.small import strike
 from vision.stages import candidate_table
 
 
+def _sure(probability: float = 1.0) -> ClipMeasurement:
+    """The small strike, its kind of motion that probable."""
+    tracks = strike().tracks
+    motion = replace(tracks.motion, probability=probability)
+    return replace(strike(), tracks=replace(tracks, motion=motion))
+
+
 def _standings(**changes: object) -> dict[str, tuple[Standing, str]]:
-    measured = replace(strike(), **{"findings": (), "checks": (), "assumed": (), **changes})
+    nothing: dict[str, object] = {"findings": (), "checks": (), "assumed": ()}
+    measured = replace(_sure(), **{**nothing, **changes})
     return {one.name: (one.standing, one.why) for one in figures_of(measured)}
 
 
 def test_the_main_numbers_come_first_and_those_without_a_value_last() -> None:
-    figures = figures_of(strike())
+    figures = figures_of(_sure())
     assert [one.name for one in figures[:3]] == [
         "contact_time",
         "pendulum_speed_before",
@@ -42,15 +58,27 @@ def test_the_main_numbers_come_first_and_those_without_a_value_last() -> None:
     )
 
 
+def _assumed(found: dict[str, tuple[Standing, str]]) -> set[str]:
+    return {name for name, (kind, _) in found.items() if kind is Standing.ASSUMED}
+
+
 def test_what_is_assumed_marks_the_numbers_that_it_concerns() -> None:
-    found = _standings(assumed=("No pendulum given: COR, impulse and energy hold only for it.",))
-    assert {name for name, (kind, _) in found.items() if kind is Standing.ASSUMED} == {
-        name
-        for name in ("cor_speeds", "cor_launch", "cor_range", "cor", "external_impulse")
-        if found[name][0] is not Standing.MISSING
-    } | {"energy_loss"}
-    everything = _standings(assumed=("Frame rate not given. 30 fps is assumed.",))
-    assert Standing.SOUND not in {kind for kind, _ in everything.values()}
+    no_pendulum = gather_inputs(Setup(), "jokku", "50mm").assumed[0]
+    assert "No pendulum given" in no_pendulum.sentence
+    found = _standings(assumed=(no_pendulum,))
+    concerned = {"cor_speeds", "cor_launch", "cor_range", "cor", "external_impulse", "energy_loss"}
+    known = {name for name, (kind, _) in found.items() if kind is not Standing.MISSING}
+    assert _assumed(found) == concerned & known
+    rate = Assumption("600 fps is assumed.", quantities_except(TIMELESS_UNITS))
+    timed = _assumed(_standings(assumed=(rate,)))
+    assert {"ball_speed", "contact_time"} <= timed
+    assert not timed & {"launch_angle", "cor_speeds", "landing_distance"}
+
+
+def test_numbers_of_a_doubtful_kind_of_motion_are_no_sound_ones() -> None:
+    found = _standings(tracks=_sure(0.6).tracks)
+    assert Standing.SOUND not in {kind for kind, _ in found.values()}
+    assert "probability of only 0.60" in found["ball_speed"][1]
 
 
 def test_a_contradiction_marks_what_depends_on_the_wrong_input() -> None:

@@ -39,7 +39,7 @@ def test_a_fall_with_a_known_scale_tells_the_rate(monkeypatch: pytest.MonkeyPatc
     assert speed.value is not None
     assert speed.std is not None
     assert abs(speed.value - float(planned()[1].contact.outcome.ball_speed)) < 3.0 * speed.std
-    assert any("Estimated from gravity" in notice for notice in found.assumed)
+    assert any("Estimated from gravity" in one.sentence for one in found.assumed)
     gravity = next(one for one in found.results.checks if one.kind is CheckKind.GRAVITY)
     assert gravity.outcome is not CheckOutcome.PASSED
 
