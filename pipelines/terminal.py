@@ -1,6 +1,10 @@
-"""Terminal output, repeated warnings, and command groups with a default."""
+"""Terminal output, commands as text, repeated warnings, command groups."""
 
+import os
 import re
+import shlex
+import sys
+import webbrowser
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, ClassVar
@@ -10,7 +14,14 @@ from rich.console import Console
 from rich.text import Text
 from typer.core import TyperGroup
 
-__all__ = ["DefaultCommandGroup", "counted", "screen"]
+__all__ = [
+    "DefaultCommandGroup",
+    "announce_page",
+    "as_typed",
+    "counted",
+    "has_display",
+    "screen",
+]
 
 MIN_WIDTH_COLUMNS = 40
 """Minimum terminal width for a table, columns (chosen; some shells report COLUMNS=0)."""
@@ -46,6 +57,47 @@ def screen(*, errors: bool = False) -> Console:
     console = _Screen(stderr=errors, markup=False, emoji=False, highlight=False)
     console.width = max(console.width, MIN_WIDTH_COLUMNS)
     return console
+
+
+def as_typed(words: Sequence[object]) -> str:
+    """Words of a command as they are typed in this system's shell."""
+    texts = [str(word) for word in words]
+    if sys.platform == "win32":
+        return " ".join(f'"{text}"' if " " in text else text for text in texts)
+    return shlex.join(texts)
+
+
+def has_display() -> bool:
+    """Whether a browser window can be opened."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def announce_page(address: str, what: str, *, browser: bool, otherwise: str = "") -> None:
+    """Open the browser, or print how to.
+
+    Parameters
+    ----------
+    address : str
+    what : str
+        Name of the page.
+    browser : bool
+        Whether one is wanted.
+    otherwise : str
+        What to do without a browser.
+    """
+    shown = browser and has_display() and webbrowser.open(address)
+    typer.echo(f"The {what} is open at\n  {address}")
+    if shown:
+        typer.echo("Close its window when done, or press Ctrl-C.")
+    else:
+        port = address.split("/")[2].rpartition(":")[2]
+        typer.echo(
+            "Open this address in a browser on this machine (it works once). From another machine,"
+            f" run first: ssh -L {port}:127.0.0.1:{port} THIS_MACHINE. {otherwise}Ctrl-C ends it."
+        )
+    sys.stdout.flush()
 
 
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")

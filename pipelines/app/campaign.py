@@ -1,7 +1,6 @@
 """A folder of clips as a campaign: cards and points of its ledger, marks, runs."""
 
 import json
-import shlex
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -11,10 +10,20 @@ from typing import Any
 
 import tomli_w
 
-from metrology import ImpactVisionError, UsageError, parse_toml, read_small_text, write_text_whole
-from metrology.quantity import format_pair, format_unit
+from metrology import (
+    ImpactVisionError,
+    Quantity,
+    UsageError,
+    parse_toml,
+    read_small_text,
+    write_text_whole,
+)
+from metrology.quantity import format_quantity
+from pipelines.app.corrections import TypedInputs
 from pipelines.campaign.conduct import CampaignOptions, conduct, results_folder
 from pipelines.campaign.ledger import Entry, Ledger, State
+from pipelines.report.inputs import for_people
+from pipelines.terminal import as_typed
 
 __all__ = ["ClipCard", "FolderInputs", "FolderSession", "FolderState"]
 
@@ -28,7 +37,7 @@ MAX_REASON = 500
 
 
 @dataclass(frozen=True)
-class FolderInputs:
+class FolderInputs(TypedInputs):
     """Inputs of a campaign as a person types them; empty ones are not given.
 
     Attributes
@@ -42,11 +51,6 @@ class FolderInputs:
     fps: str = ""
     ball: str = ""
     wall_grid: str = ""
-
-    def given(self) -> dict[str, str]:
-        """The inputs that are not empty, by name."""
-        held = {one.name: str(getattr(self, one.name)).strip() for one in fields(self)}
-        return {name: text for name, text in held.items() if text}
 
 
 @dataclass(frozen=True)
@@ -170,7 +174,7 @@ class FolderSession:
         words = ["vision", "campaign", str(self.clips or self.out)]
         for name, text in self._arguments().items():
             words += [f"--{name.replace('_', '-')}", str(text)]
-        return shlex.join([*words, "--out", str(self.out)])
+        return as_typed([*words, "--out", self.out])
 
     def mark(self, clip: str, reason: str | None) -> None:
         """Mark a trial as bad, or remove the mark with None.
@@ -311,10 +315,9 @@ def _card(entry: Entry, pointed: str, folder: Path) -> ClipCard:
     uncertain = probability is not None and probability < MIN_CERTAIN_PROBABILITY
     said = f"{motion.get('kind')}, {probability:.2f}" if uncertain else ""
     values = [
-        (name, f"{value} ± {std} {format_unit(one['unit'])}".strip())
+        (name, format_quantity(for_people(Quantity(name, one["value"], one["std"], one["unit"]))))
         for name in CARD_QUANTITIES
         if (one := quantities.get(name, {})).get("value") is not None
-        for value, std in [format_pair(one["value"], one.get("std"))]
     ]
     clip = entry.order.clip
     return ClipCard(

@@ -4,6 +4,7 @@ import os
 import sys
 import webbrowser
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Annotated
@@ -12,11 +13,12 @@ import typer
 
 from metrology import UsageError
 from pipelines.processes import Terminated
+from pipelines.terminal import announce_page, has_display
 
 if TYPE_CHECKING:
     from pipelines.app.campaign import FolderSession
 
-__all__ = ["announce", "app_command", "watch_campaign"]
+__all__ = ["app_command", "watch_campaign"]
 
 
 def app_command(
@@ -48,7 +50,7 @@ def app_command(
     if place is not None:
         session.open_place(place.absolute())
     try:
-        serve_page(session, lambda address: announce(address, browser=browser), port=port)
+        serve_page(session, partial(announce_page, what="page", browser=browser), port=port)
     except KeyboardInterrupt as stop:
         session.end()
         _leave(143 if isinstance(stop, Terminated) else 130)
@@ -84,7 +86,7 @@ def watch_campaign(out: Path, on_address: Callable[[str], None]) -> "FolderSessi
 
     def opened(address: str) -> None:
         on_address(address)
-        if _has_display():
+        if has_display():
             webbrowser.open(address)
 
     def serving() -> None:
@@ -98,29 +100,8 @@ def watch_campaign(out: Path, on_address: Callable[[str], None]) -> "FolderSessi
     return folder
 
 
-def announce(address: str, *, browser: bool) -> None:
-    """Open the browser, or print how to."""
-    shown = browser and _has_display() and webbrowser.open(address)
-    typer.echo(f"The page is open at\n  {address}")
-    if shown:
-        typer.echo("Close its window when done, or press Ctrl-C.")
-    else:
-        port = address.split("/")[2].rpartition(":")[2]
-        typer.echo(
-            "Open this address in a browser on this machine (it works once). From another machine,"
-            f" run first: ssh -L {port}:127.0.0.1:{port} THIS_MACHINE. Ctrl-C ends it."
-        )
-    sys.stdout.flush()
-
-
 def _leave(code: int) -> None:
     """Exit without waiting for threads that decode."""
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)
-
-
-def _has_display() -> bool:
-    if sys.platform in ("win32", "darwin"):
-        return True
-    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

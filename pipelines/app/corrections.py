@@ -1,8 +1,6 @@
 """Inputs and corrections of a clip, kept in a file next to it; undo and redo."""
 
 import math
-import shlex
-import sys
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +12,7 @@ from metrology import UsageError, parse_toml, read_small_text, write_text_whole
 from metrology.files import shown_path
 from pipelines.api.quantities import measure_options
 from pipelines.measure.chain import MeasureOptions
+from pipelines.terminal import as_typed
 from vision.finding.linking import MIN_FOUND_ROWS
 
 if TYPE_CHECKING:
@@ -24,6 +23,7 @@ __all__ = [
     "Corrections",
     "History",
     "ObjectMark",
+    "TypedInputs",
     "as_command",
     "as_python",
     "corrected_table",
@@ -42,7 +42,17 @@ _NEAR_RADII = 1.5
 
 
 @dataclass(frozen=True)
-class ClipInputs:
+class TypedInputs:
+    """Texts that a person typed; empty ones are not given."""
+
+    def given(self) -> dict[str, str]:
+        """The inputs that are not empty, by name."""
+        held = {one.name: str(getattr(self, one.name)).strip() for one in fields(self)}
+        return {name: text for name, text in held.items() if text}
+
+
+@dataclass(frozen=True)
+class ClipInputs(TypedInputs):
     """Inputs of a measurement as a person types them; empty ones are not given.
 
     Attributes
@@ -56,11 +66,6 @@ class ClipInputs:
     wall_grid: str = ""
     scale: str = ""
     setup: str = ""
-
-    def given(self) -> dict[str, str]:
-        """The inputs that are not empty, by name."""
-        held = {one.name: str(getattr(self, one.name)).strip() for one in fields(self)}
-        return {name: text for name, text in held.items() if text}
 
 
 @dataclass(frozen=True)
@@ -331,9 +336,7 @@ def as_command(clip: Path, corrections: Corrections, *, corrected: bool) -> str:
         words += [f"--{name.replace('_', '-')}", shown]
     if corrected:
         words += ["--from-tracks", str(table_file(clip))]
-    if sys.platform == "win32":
-        return " ".join(f'"{word}"' if " " in word else word for word in words)
-    return shlex.join(words)
+    return as_typed(words)
 
 
 def as_python(clip: Path, corrections: Corrections, *, corrected: bool) -> str:

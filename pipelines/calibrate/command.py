@@ -2,9 +2,9 @@
 
 import os
 import sys
-import webbrowser
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
@@ -44,7 +44,7 @@ from pipelines.calibrate.wizard.session import Session, lens_for, read_view, wit
 from pipelines.doors import FileRole
 from pipelines.processes import Terminated
 from pipelines.setup.file import load_setup, read_setup
-from pipelines.terminal import DefaultCommandGroup
+from pipelines.terminal import DefaultCommandGroup, announce_page
 from vision.clip.clip import ClipReader
 from vision.clip.footage import choose_capture_rate, rate_from_blinking
 from vision.clip.picture import decoded_image
@@ -291,20 +291,12 @@ def _in_browser(session: Session, browser: bool, port: int) -> None:
     if session.answers.rest_px is None:
         jobs.submit("tracking the ball", session.look_for_ball)
 
-    def opened(address: str) -> None:
-        shown = browser and _has_display() and webbrowser.open(address)
-        typer.echo(f"The calibration is open at\n  {address}")
-        if shown:
-            typer.echo("Close its window when done, or press Ctrl-C.")
-        else:
-            where = address.split("/")[2].rpartition(":")[2]
-            typer.echo(
-                "Open this address in a browser on this machine (it works once). From another "
-                f"machine, run first: ssh -L {where}:127.0.0.1:{where} THIS_MACHINE. Without a "
-                "browser pass all options and --yes. Ctrl-C ends it."
-            )
-        sys.stdout.flush()
-
+    opened = partial(
+        announce_page,
+        what="calibration",
+        browser=browser,
+        otherwise="Without a browser pass all options and --yes. ",
+    )
     try:
         serve(session, jobs, opened, port=port)
     except KeyboardInterrupt as stop:
@@ -326,12 +318,6 @@ def _leave(jobs: "Jobs", code: int) -> None:
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)
-
-
-def _has_display() -> bool:
-    if sys.platform in ("win32", "darwin"):
-        return True
-    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def rate_command(

@@ -342,9 +342,14 @@ class ClipPage:
 
 
 def copy_card(say: Say, command: str, python: str) -> None:
-    """A card with the same work as a command and in Python, each with a button to copy it."""
+    """A card with the same work as a command and in Python, each with a button to copy it.
+
+    A text that is empty is left out.
+    """
     with ui.column().classes("va-card va-hidden-in-print").props("data-test=repeats"):
         for key, text in (("as_command", command), ("as_python", python)):
+            if not text:
+                continue
             with ui.row().classes("w-full items-center justify-between"):
                 ui.label(say(key)).classes("va-label")
 

@@ -6,14 +6,15 @@ from nicegui import ui
 
 from pipelines.api.explained import Verdict
 from pipelines.api.measured import Measurement
-from pipelines.app.corrections import options_of
+from pipelines.app.corrections import ClipInputs, Corrections, options_of
 from pipelines.app.pages.clip import copy_card
 from pipelines.app.session import ClipSession
 from pipelines.app.words import Say
 from pipelines.setup.file import ball_from_option
+from pipelines.terminal import as_typed
 from pipelines.web import Jobs
 
-__all__ = ["ClipExplained", "WhyPage", "explained"]
+__all__ = ["ClipExplained", "WhyPage", "command_of", "explained"]
 
 POLL_S = 0.3
 """s between updates (chosen: appears immediate)."""
@@ -60,6 +61,15 @@ def explained(clip: ClipSession) -> ClipExplained:
     return ClipExplained.of(Measurement(clip.measured, setup).explain())
 
 
+def command_of(clip: ClipSession) -> str:
+    """The same as a command; empty where that would measure with other inputs."""
+    known = clip.corrections
+    setup = known.inputs.setup
+    if not setup or known != Corrections(ClipInputs(setup=setup)):
+        return ""
+    return as_typed(["vision", "explain", clip.path, "--setup", clip.path.parent / setup])
+
+
 class WhyPage:
     """The page in one window.
 
@@ -89,10 +99,7 @@ class WhyPage:
                 button = ui.button(say("explain"), on_click=self._explain)
                 button.props("unelevated dense data-test=explain")
                 self.answer()
-            python = f"{clip.as_python()}\nprint(m.explain())"
-            setup = clip.corrections.inputs.setup
-            command = f"vision explain {clip.path}" + (f" --setup {setup}" if setup else "")
-            copy_card(say, command, python)
+            copy_card(say, command_of(clip), f"{clip.as_python()}\nprint(m.explain())")
         ui.timer(POLL_S, self._poll)
 
     @ui.refreshable_method

@@ -35,6 +35,7 @@ def _document(probability: float) -> str:
         {
             "clip": {"width": 432, "height": 240},
             "quantities": {
+                "contact_time": {"value": 0.0141, "std": 0.0008, "unit": "s"},
                 "cor": {"value": 0.75, "std": 0.004, "unit": "1"},
                 "pendulum_speed_before": {"value": 2.5, "std": 0.01, "unit": "m/s"},
             },
@@ -70,7 +71,10 @@ def test_the_state_is_that_of_the_ledger(out: Path) -> None:
     assert state.counts == {"waiting": 1, "running": 0, "done": 2, "failed": 1}
     cards = {one.clip: one for one in state.cards}
     assert {one.clip for one in state.cards[:2]} == {"doubted.mp4", "missed.mp4"}
-    assert cards["sure.mp4"].values == (("cor", "0.7500 ± 0.0040"),)
+    assert cards["sure.mp4"].values == (
+        ("contact_time", "14.10 ± 0.80 ms"),
+        ("cor", "0.7500 ± 0.0040"),
+    )
     assert cards["doubted.mp4"].motion == "strike, 0.60"
     assert state.points == ((2.5, 0.75, "sure.mp4", True), (2.5, 0.75, "doubted.mp4", True))
 

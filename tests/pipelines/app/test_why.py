@@ -1,5 +1,6 @@
 """Page Why: the engine's answer for one clip, in a sentence with its picture."""
 
+import shlex
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -8,7 +9,7 @@ import pytest
 
 from metrology import SetupError
 from pipelines.app.corrections import ClipInputs, Corrections
-from pipelines.app.pages.why import explained
+from pipelines.app.pages.why import command_of, explained
 from tests.pipelines.app.small import CLIP, strike
 
 
@@ -30,3 +31,11 @@ def test_the_answer_is_that_of_explain(tmp_path: Path) -> None:
     assert explained(_clip(CLIP, setup=setup, ball="jokku")).html == found.html
     with pytest.raises(SetupError, match="no ball"):
         explained(_clip(CLIP, setup=setup))
+
+
+def test_the_command_is_given_only_where_it_does_the_same() -> None:
+    clip = _clip(Path("/lab of/a b.mp4"), setup="lab.toml")
+    words = shlex.split(command_of(clip))
+    assert words == ["vision", "explain", "/lab of/a b.mp4", "--setup", "/lab of/lab.toml"]
+    assert command_of(_clip(CLIP, setup="lab.toml", ball="jokku")) == ""
+    assert command_of(_clip(CLIP)) == ""
