@@ -507,10 +507,10 @@ DOUBT = 0.1
 """Prior probability of each inflation: a stated uncertainty is tested, not believed."""
 
 
-SETTING_SIZES = (0.0, 1.0, 4.0)
+SETTING_SIZES = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
 
 """What repeats of a setting share, over what differs from trial to trial. Nothing is as likely as
-all other sizes together. Chosen; four times is what real drop heights share."""
+all other sizes together. Convention: doublings about one, over which the evidence is summed."""
 
 
 @dataclass(frozen=True)
