@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 
 from metrology import Contribution, Quantity, UncertaintySource
+from metrology.quantity import format_value
 from physics.bodies import Pendulum
 from pipelines.measure.flight_fit import SLOW_OVER_RANDOM, FlightFit
 from pipelines.measure.inputs import Inputs, QuantityName
@@ -418,10 +419,8 @@ def pendulum_length(seen_m: float, inputs: Inputs) -> CheckResult:
     apart = math.log(seen_m / length.value)
     power = float(scipy.special.ndtr(-_SIGMAS + RELEVANT_ARM_FRACTION / std))
     given = "assumed" if length.value_from is Origin.PRESET else "given in the setup file"
-    text = (
-        f"the pendulum's observed arm is {seen_m:.2f} m long, but the one {given} is"
-        f" {length.value:.2f} m long"
-    )
+    seen = format_value(seen_m, ARM_RELATIVE_STD * seen_m, "m")
+    text = f"the pendulum's observed arm is {seen} long, the one {given} {length.value:.2f} m"
     if abs(apart) <= _SIGMAS * std:
         outcome = CheckOutcome.PASSED if power >= MIN_CHECK_POWER else CheckOutcome.UNDECIDED
         return CheckResult(Check(CheckKind.PENDULUM_LENGTH, outcome, text, power), ())
