@@ -53,7 +53,7 @@ class AppWindow:
         ui.add_body_html(f"<script>{_NAVIGATION}</script>")
         ui.page_title(self.say("title"))
         self._dark = ui.dark_mode(self.session.dark)
-        ui.on("vision_page", lambda event: self.go(str(event.args)))
+        ui.on("vision_page", lambda event: self._turn(str(event.args)))
         for name in ("moved", "pointed", "undo", "redo"):
             ui.on(f"vision_{name}", lambda event, name=name: self._on_viewer(name, event))
         with ui.column().classes("w-full gap-0"):
@@ -117,15 +117,23 @@ class AppWindow:
 
     def go(self, page: str) -> None:
         """Show another page."""
-        if page in pages_of(self.session) and page != self.session.page:
-            self.session.page = page
-            self.show()
+        self._turn(page)
+        ui.run_javascript(f"visionShow({json.dumps(self.session.page)})")
 
     def show(self) -> None:
         """Draw head and page anew, and name the page in the address."""
+        self._redraw()
+        ui.run_javascript(f"visionShow({json.dumps(self.session.page)})")
+
+    def _turn(self, page: str) -> None:
+        """Show the page that the address names; the browser may already be at the next one."""
+        if page in pages_of(self.session) and page != self.session.page:
+            self.session.page = page
+            self._redraw()
+
+    def _redraw(self) -> None:
         self.head.refresh()
         self.content.refresh()
-        ui.run_javascript(f"visionShow({json.dumps(self.session.page)})")
 
     def _on_viewer(self, name: str, event: GenericEventArguments) -> None:
         if self._page is not None:
