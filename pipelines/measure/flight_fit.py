@@ -522,13 +522,31 @@ def flight_end(tracks: MetricTracks, inputs: Inputs, left: float) -> float:
     height = place[:, 1]
     if inputs.fall is not None:
         floor = tracks.rest_m[1] - inputs.fall
-        ends += [float(t) for t in time[height <= floor + _LANDED_BELOW_M][:1]]
+        if inputs.fall <= _LANDED_BELOW_M:
+            # struck on the floor: height says nothing, the course of the path does
+            ends.append(_touch_down(time, tracks, floor, inputs.gravity))
+        else:
+            ends += [float(t) for t in time[height <= floor + _LANDED_BELOW_M][:1]]
     # a jump starts another motion: a second strike has an apex of its own
     highest = int(np.argmax(height[:jump]))
     lowest = highest + int(np.argmin(height[highest:jump]))
     if np.any(height[lowest:] - height[lowest] > _BOUNCE_M):
         ends.append(float(time[lowest]))
     return min(ends)
+
+
+def _touch_down(time: FloatArray, tracks: MetricTracks, floor: float, gravity: float) -> float:
+    """Last time up to which a fit of free fall has not yet come down to the floor, s."""
+    rows = np.isin(tracks.ball_time_s, time)
+    fallen = tracks.ball_m[rows, 1] + 0.5 * gravity * (time - time[0]) ** 2
+    weight = 1.0 / np.sqrt(tracks.ball_cov_m2[rows, 1, 1])
+    for count in range(len(time), MIN_FLIGHT_FRAMES - 1, -1):
+        elapsed = time[:count] - time[0]
+        speed, height = np.polyfit(elapsed, fallen[:count], 1, w=weight[:count])
+        up = speed**2 + 2.0 * gravity * (height - floor)
+        if up > 0.0 and (speed + math.sqrt(up)) / gravity >= elapsed[-1]:
+            return float(time[count - 1]) + 1e-9
+    return float(time[0])
 
 
 def _stop(time: FloatArray, place: FloatArray, tracks: MetricTracks, gravity: float) -> int | None:

@@ -108,6 +108,20 @@ def test_the_flight_ends_before_the_bounce(fps: float) -> None:
     assert flying[-1] <= landing
 
 
+@pytest.mark.parametrize("up", [0.3, 0.6, 1.5])
+def test_a_flight_from_the_floor_ends_on_the_floor(up: float) -> None:
+    scene, shot = known_stroke("jokku", 120.0)
+    tracks = ideal_tracks(scene, shot, Noise(3e-4))
+    flown, lasts = np.clip(tracks.ball_time_s + FIRST, 0.0, None), 2.0 * up / 9.82
+    height = np.where(flown < lasts, up * flown - 0.5 * 9.82 * flown**2, 0.0)
+    along = 3.0 * flown - 0.5 * np.clip(flown - lasts, 0.0, None)
+    noise = np.random.default_rng(4).normal(0.0, 3e-4, (len(flown), 2))
+    struck = replace(tracks, ball_m=tracks.rest_m + np.column_stack([along, height]) + noise)
+    inputs = replace(gather_inputs(Setup(), "jokku", None), fall=0.0)
+    end = flight_end(struck, inputs, departure(struck))
+    assert end == pytest.approx(lasts - FIRST, abs=0.006)
+
+
 def test_the_flight_ends_where_the_path_jumps_to_something_else() -> None:
     scene, shot = known_stroke("jokku", 120.0)
     tracks = ideal_tracks(scene, shot, Noise(1e-4))
