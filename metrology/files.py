@@ -115,10 +115,24 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
             hint="Write one list of numbers for a key.",
         ) from problem
     except ValueError as problem:
+        place = re.search(r"at line (\d+)", str(problem))
+        lines = text.splitlines() or [""]
+        line = lines[int(place[1]) - 1 if place else -1].strip()
         raise SetupError(
-            f"{name} is not valid TOML: {_shortened(str(problem))}",
-            hint='A line reads key = value, with texts in quotes: diameter = "0.2 m".',
+            f"{name} is not valid TOML: {_shortened(str(problem))}"
+            + (f": {_shortened(line)}" if line else ""),
+            hint=_toml_cure(line, str(problem)),
         ) from problem
+
+
+def _toml_cure(line: str, problem: str) -> str:
+    """What to write instead of a line that is not TOML."""
+    key, equals, value = (part.strip() for part in line.partition("="))
+    if "overwrite" in problem or "twice" in problem:
+        return f"{key} stands twice: delete one of the lines."
+    if equals and re.fullmatch(r'"?\w[^"#]*"?', value) and value.count('"') < 2:
+        return f'Write the text between two quotation marks: {key} = "{value.strip(chr(34))}"'
+    return 'A line reads key = value, with texts in quotes: diameter = "0.2 m".'
 
 
 def _require_sizes(held: object, name: str, place: str) -> None:

@@ -230,7 +230,8 @@ def _value_and_std(value: str, spread: str, unit: str, text: str) -> tuple[float
     value, spread = _with_decimal_points(value), _with_decimal_points(spread)
     left, right = _NUMBER_AND_UNIT.fullmatch(value), _NUMBER_AND_UNIT.fullmatch(spread)
     if left is None or right is None:
-        raise _no_quantity(text, unit)
+        wrong = value if left is None else spread
+        raise UnitError(f"{wrong!r} in {text!r} is not a number", hint="Write it as 1.2 m ± 0.1 m.")
     share = (right[3] or "").strip() == "%"
     own = left[3] or ("" if share else right[3]) or ""
     number = parse_quantity(f"{left[1]}/{left[2] or 1} {own}", unit)
@@ -299,12 +300,14 @@ class Measurand:
         if self.unit == "rad":
             said = f"{math.degrees(value):g} deg"
         told = "" if typed is None or str(typed) == said else f"{typed!r}: "
-        raise DomainError(
-            f"{told}{self.name} can't be {said}; {self.why}",
-            hint=f"Write it with its unit, such as {self.example!r}."
-            if self.unit != "1"
-            else f"Write for example {self.example!r}.",
-        )
+        raise DomainError(f"{told}{self.name} can't be {said}; {self.why}", hint=self.advice)
+
+    @property
+    def advice(self) -> str:
+        """How to write one."""
+        if self.unit == "1":
+            return f"Write for example {self.example!r}."
+        return f"Write it with its unit, such as {self.example!r}."
 
 
 @dataclass(frozen=True)
@@ -333,23 +336,22 @@ def read_number(typed: str | float, what: Measurand, place: str = "") -> float:
         If it is out of range.
     """
     try:
-        value = what.require(parse_quantity(typed, what.unit), typed)
         _refuse_bare_angle(typed, what)
+        return what.require(parse_quantity(typed, what.unit), typed)
     except UsageError as problem:
-        raise _at(place, problem) from problem
-    return value
+        raise _at(place, problem, what) from problem
 
 
 def _refuse_bare_angle(typed: str | float, what: Measurand) -> None:
     if what.unit != "rad":
         return
     try:
-        bare = float(typed)
+        bare = float(_with_decimal_points(str(typed)))
     except ValueError:
         return
-    if bare:
+    if bare and math.isfinite(bare):
         raise DomainError(
-            f"{typed!r} states neither degrees nor radians", hint=f"Write '{bare:g} deg'."
+            f"{typed!r} has no unit: degrees or radians?", hint=f"Write '{bare:g} deg'."
         )
 
 
@@ -371,11 +373,11 @@ def read_given(typed: str | float, what: Measurand, place: str = "") -> Given:
         If the value is out of range, or the uncertainty is zero.
     """
     try:
+        _refuse_bare_angle(typed, what)
         value, std = parse_measured(typed, what.unit)
         what.require(value, typed)
-        _refuse_bare_angle(typed, what)
     except UsageError as problem:
-        raise _at(place, problem) from problem
+        raise _at(place, problem, what) from problem
     if std == 0.0:
         raise DomainError(
             f"{place} {typed!r}: an uncertainty of zero is not possible".strip(),
@@ -422,9 +424,12 @@ def read_scale(typed: str | float, place: str = "") -> tuple[float, float]:
     return given.value, std
 
 
-def _at(place: str, problem: UsageError) -> UsageError:
-    """The same error with the option's name in front."""
-    return type(problem)(f"{place} {problem.message}".strip(), hint=problem.hint)
+def _at(place: str, problem: UsageError, what: Measurand) -> UsageError:
+    """The same error with the option's name in front, in words for this kind of number."""
+    plain = _no_quantity("", what.unit)
+    message = problem.message.replace(plain.message[2:], f" can't be read as {what.name}")
+    hint = what.advice if problem.hint == plain.hint else problem.hint
+    return type(problem)(f"{place} {message}".strip(), hint=hint)
 
 
 _RIG_RANGE = "pendulums from a finger's breadth to a house are supported"

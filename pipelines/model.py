@@ -88,7 +88,6 @@ __all__ = [
     "Planning",
     "added_effects",
     "alter_outcome",
-    "angle_of",
     "asked",
     "ball_asked",
     "choose_ball",
@@ -164,15 +163,6 @@ def choose_cor(ball: bodies.Ball, option: str) -> tuple[CorLaw, bool]:
     if option == "constant":
         return ConstantCor(float(ball.cor(0.0))), False
     return parse_cor_law(option), False
-
-
-def angle_of(text: str, place: str = "--backswing") -> float:
-    """An angle in rad; a bare number is in degrees. `place` is its name in messages."""
-    try:
-        typed = f"{float(text)!r} deg"
-    except ValueError:
-        typed = text
-    return read_number(typed, measurands.BACKSWING, place)
 
 
 def choose_drag(option: str) -> float | DragCurve:
@@ -975,7 +965,9 @@ def simulate_command(
     """
     known = setup_or_default(setup)
     wanted = asked(known, ball, cor, drag, cor_law)
-    released = None if backswing is None else angle_of(backswing)
+    released = (
+        None if backswing is None else read_number(backswing, measurands.BACKSWING, "--backswing")
+    )
     speed = (
         None
         if impact_speed is None

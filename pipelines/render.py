@@ -15,7 +15,6 @@ from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT
 from pipelines.doors import EffectOption, FileRole, NamedBallOption, SetupFileOption
 from pipelines.model import (
     added_effects,
-    angle_of,
     choose_ball,
     experiment_of,
     setup_or_default,
@@ -284,7 +283,7 @@ def render_command(
             f"--bitrate {bitrate:g} is not positive", hint="Give it in kbit/s, such as 2000."
         )
     options = RenderOptions(
-        backswing=angle_of(backswing),
+        backswing=read_number(backswing, measurands.BACKSWING, "--backswing"),
         ball=ball,
         size=parse_size(size),
         frames=frames,
@@ -301,7 +300,7 @@ def render_command(
         effects=tuple(effect or ()),
         dropped=tuple(drop or ()),
         shake=shake,
-        roll=angle_of(roll, "--roll"),
+        roll=read_number(roll, measurands.BACKSWING, "--roll"),
     )
     if not out.absolute().parent.is_dir():
         raise UsageError(

@@ -85,6 +85,8 @@ def _options() -> Iterator[Mistake]:
                   files={"a.mp4": "not a film"})  # fmt: skip
     yield Mistake("What is typed", "an angle without number",
                   ("simulate", "--backswing", "steep"), "backswing")  # fmt: skip
+    yield Mistake("What is typed", "an angle without unit", ("simulate", "--backswing", "90"),
+                  "degrees", line=("", "90", "90 deg"))  # fmt: skip
     yield Mistake("What is typed", "a distance out of reach", ("plan", "--distance", "90m"),
                   "reach|distance")  # fmt: skip
     yield Mistake("What is typed", "a file for a campaign's folder",
@@ -101,11 +103,13 @@ def _setups() -> Iterator[Mistake]:
         ("a unit of mass for a height", "0.312 m", "0.312 kg", "height", ""),
         ("an unknown unit", "0.312 m", "0.312 metter", "height", ""),
         ("a negative height", "0.312 m", "-0.312 m", "height", ""),
-        ("a missing quotation mark", '"0.312 m"', '"0.312 m', "line 4", ""),
-        ("a value without quotation marks", '"0.312 m"', "0.312 m", "line 4", ""),
+        ("a missing quotation mark", '"0.312 m"', '"0.312 m', "line 4",
+         ("s.toml", '"0.312 m', '"0.312 m"')),
+        ("a value without quotation marks", '"0.312 m"', "0.312 m", "line 4",
+         ("s.toml", "0.312 m", '"0.312 m"')),
         ("a key twice", "[support]", '[support]\nheight = "0.3 m"', "height|line", ""),
         ("the grid in the wrong table", "[support]", '[camera]\ngrid = "50 mm"\n[support]',
-         "grid", ""),
+         r"belongs in the table \[wall\]", ""),
         ("words for a number", "0.312 m", "about a foot", "height", ""),
         ("an uncertainty without number", "0.312 m", "0.312 m ± some", "height", ""),
     )  # fmt: skip
@@ -144,7 +148,7 @@ def _tables() -> Iterator[Mistake]:
         ("centimetres without a unit", _table("t,x,y", _thrown(100.0)), "unit is cm", "--columns"),
         ("millimetres without a unit", _table("t,x,y", _thrown(1e3)), "unit is mm", "--columns"),
         ("inches without a unit", _table("t,x,y", _thrown(1 / 0.0254)), "unit is in", "--columns"),
-        ("milliseconds without a unit", _table("t,x,y", _thrown(1.0, 1e3)), "ms", ""),
+        ("milliseconds without a unit", _table("t,x,y", _thrown(1.0, 1e3)), "and ms", "--columns"),
         ("x and y exchanged", _table("t,x,y", _thrown(), "tyx"), "exchanged|swapped", "--columns"),
         ("metres called centimetres", _table("t (s),x (cm),y (cm)", _thrown()), "cm|unit", ""),
         ("no column of time", _table("x,y", _thrown(), "xy"), "column found for t\\b", ""),

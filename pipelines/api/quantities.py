@@ -14,6 +14,7 @@ from metrology import (
     UsageError,
     measurands,
     read_given,
+    read_number,
     read_scale,
 )
 from pipelines.api.wording import in_python
@@ -349,17 +350,7 @@ def angle_from(name: str, angle: "Given | QuantityView") -> float:
     """
     if isinstance(angle, QuantityView):
         return math.radians(float(angle))
-    try:
-        bare = float(angle)
-    except ValueError:
-        # the model is loaded when it is needed
-        from pipelines.model import angle_of
-
-        return angle_of(str(angle), name)
-    raise UsageError(
-        f"{name}={angle} has no unit: degrees or radians?",
-        hint=f'Write {name}="{bare:g} deg", or {name}_deg={bare:g}.',
-    )
+    return read_number(angle, measurands.BACKSWING, name)
 
 
 def point_from(option: str, at: At) -> tuple[float, float] | tuple[float, float, int] | None:

@@ -60,7 +60,6 @@ from pipelines.measure.inputs import gather_inputs
 from pipelines.measure.metres import CameraMapping, scene_evidence, tracks_in_metres
 from pipelines.measure.results import Evaluated, NoScale, results_of
 from pipelines.model import (
-    angle_of,
     choose_ball,
     quantities_as_json,
     setup_or_default,
@@ -600,7 +599,7 @@ def plan_filming_command(
     width, height = _size(resolution)
     filming = Filming(
         ball=choose_ball(known, ball),
-        backswing_deg=math.degrees(angle_of(backswing)),
+        backswing_deg=math.degrees(read_number(backswing, measurands.BACKSWING, "--backswing")),
         width=width,
         height=height,
         fps=read_number(fps, measurands.CAPTURE_RATE, "--fps"),
@@ -657,7 +656,7 @@ def _view_asked(field_of_view: str | None, focal_length: str | None) -> float | 
         return 2.0 * math.atan(0.5 * FILM_WIDTH_M / focal)
     if field_of_view is None:
         return None
-    angle = angle_of(field_of_view, "--field-of-view")
+    angle = parse_quantity(field_of_view, "rad")
     if not math.radians(2.0) <= angle <= math.radians(130.0):
         raise UsageError(f"field of view {math.degrees(angle):g}°", hint="Give 2 to 130 deg.")
     return angle

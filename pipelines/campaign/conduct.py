@@ -613,7 +613,8 @@ def _require_balls(book: LabBook | None, setup: Setup, ball: str | None) -> None
             meant = meant_name(name, (*setup.balls, *BALLS))
             raise UsageError(
                 f"unknown ball {name!r}" + (f"; did you mean {meant!r}?" if meant else ""),
-                hint=f"Describe it as [balls.{name}] in the setup file (present there: {known}).",
+                hint=f"Presets: {', '.join(BALLS)}. Describe another as [balls.{name}] in the"
+                f" setup file (there now: {known}).",
             ) from problem
 
 

@@ -226,8 +226,8 @@ def _with_known_columns(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, 
             elif bare == stem:
                 raise UsageError(
                     f"{path}: the column {name!r} states no unit",
-                    hint=f"Name it {wanted}{suffix}, or with another unit"
-                    f" ({', '.join(f'{stem}_{one}' for one in factors)}).",
+                    hint="Name it by its unit:"
+                    f" {', '.join(f'{stem}_{one}{suffix}' for one in factors)}.",
                 )
             elif bare.startswith(f"{stem}_") and unit in factors:
                 cells = [
@@ -447,10 +447,17 @@ def _strike(path: Path, line: int, row: Mapping[object, object]) -> LabBookRow:
     for sensor in SENSORS:
         value = cells.get(sensor.column)
         if isinstance(value, float) and not sensor.lowest <= value <= sensor.highest:
+            stem, factors = _OTHER_UNITS[sensor.column]
+            others = [
+                f"{stem}_{unit}"
+                for unit, factor in factors.items()
+                if factor != 1.0 and sensor.lowest <= value * factor <= sensor.highest
+            ]
             raise UsageError(
                 f"{path}, line {line}: {sensor.column} is {value:g} {sensor.unit}, outside the"
                 f" range of a {sensor.label}",
-                hint=f"Give a value from {sensor.lowest:g} to {sensor.highest:g} {sensor.unit}.",
+                hint=f"Give a value from {sensor.lowest:g} to {sensor.highest:g} {sensor.unit}"
+                + (f", or name the column by its unit: {', '.join(others)}." if others else "."),
             )
         std = cells.get(f"{sensor.column}_std")
         if isinstance(std, float) and std <= 0:

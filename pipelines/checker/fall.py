@@ -141,10 +141,13 @@ class TableUnits:
 
     def note(self, table: str) -> str:
         """What was concluded, and how to override it."""
+        units, stated = f"unit is {self.length}", f"unit={self.length}"
+        if self.time != "s":
+            units = f"units are {self.length} and {self.time}"
+            stated = f'"unit={self.length}, t_unit={self.time}"'
         return (
             f"{table} states no unit. Its flight falls with {self.acceleration:.4g}"
-            f" {self.length}/{self.time}²: the unit is {self.length}. Pass"
-            f" --columns unit={self.length} to state it."
+            f" {self.length}/{self.time}²: the {units}. To state it, pass --columns {stated}."
         )
 
 

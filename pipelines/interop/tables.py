@@ -191,12 +191,20 @@ def column_use(header: Sequence[str], said: Mapping[str, str], table: str) -> Co
     if "t" not in columns and "frame" not in columns:
         missing.append("t")
     if missing:
+        if all(re.fullmatch(r"[-+\d.,eE\s]*", name) for name in header):
+            raise UsageError(
+                f"{table}: the first line holds numbers, not the names of the columns",
+                hint="Write a line of names above it, such as t,x,y for seconds and metres.",
+            )
         height = next((name for name in header if plain_name(name) in _HEIGHTS), "NAME")
         example = ", ".join(f"{key}={height if key == 'y' else 'NAME'}" for key in missing)
         raise UsageError(
             f"{table}: no column found for {' and '.join(missing)}; it has {_listed(header)}",
             hint=f'Pass --columns "{example}", or set them in the table [columns] of the setup'
-            " file.",
+            " file."
+            if len(header) > len(columns)
+            else "Export it again with this column; where pictures are numbered, name it frame and"
+            " pass --fps.",
         )
     unit = said.get("unit") or unit_of(columns["x"]) or "px"
     t_unit = said.get("t_unit") or unit_of(columns.get("t", "t")) or "s"

@@ -218,8 +218,11 @@ def _measured(given: Given | None) -> Measured | None:
 def _ball(name: str, table: BallTable, fastest: float) -> BallSetup:
     preset_name = table.preset or (name if name in bodies.BALLS else None)
     if preset_name is not None and preset_name not in bodies.BALLS:
+        meant = meant_name(preset_name, bodies.BALLS)
         raise SetupError(
-            f"there is no ball preset {preset_name!r}", hint=f"Presets: {', '.join(bodies.BALLS)}."
+            f"there is no ball preset {preset_name!r}"
+            + (f"; did you mean {meant!r}?" if meant else ""),
+            hint=f"Presets: {', '.join(bodies.BALLS)}.",
         )
     if preset_name is not None:
         base = BallSetup.preset(preset_name)
@@ -353,7 +356,11 @@ def _nearest_key(location: tuple[str, ...]) -> str:
                 ),
                 model,
             )
-    return nearest(location[-1], model.model_fields)
+    key = location[-1]
+    for table, field in SetupSchema.model_fields.items():
+        if key in getattr(field.annotation, "model_fields", {}) and key not in model.model_fields:
+            return f"; it belongs in the table [{table}]"
+    return nearest(key, model.model_fields)
 
 
 class Origin(StrEnum):

@@ -176,7 +176,14 @@ def test_a_mistake_is_shown_with_what_to_do(text: str, typed: str, advice: str) 
         ('[ball]\npreset = "football"', "football"),
         ('[balls.a]\ndiameter = "0.2 m"\ncor = "__import__(\'os\')"', "cor"),
         ("[air]\nhumidity = 50", "humidity"),
-        ("[model.drag]\ndrag_coefficient = 'big'", "'big' is not a quantity"),
+        ("[model.drag]\ndrag_coefficient = 'big'", "'big' can't be read as"),
+        ("[support]\nheight = 0.3 m", 'quotation marks: height = "0.3 m"'),
+        ('[support]\nheight = "0.3 m', 'quotation marks: height = "0.3 m"'),
+        ("[support]\nheight = 1\nheight = 2", "height stands twice"),
+        ('[support]\nheight = "0.3 m ± some"', "'some' in"),
+        ('[support]\nheight = "0.3 kg"', "such as '0.3120 m'"),
+        ('[camera]\ngrid = "50 mm"', "it belongs in the table [wall]"),
+        ('[ball]\npreset = "jocku"', "did you mean 'jokku'"),
     ],
 )
 def test_a_wrong_value_is_told_with_its_place(text: str, said: str) -> None:
