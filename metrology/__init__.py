@@ -19,6 +19,7 @@ from metrology.files import (
     parse_toml,
     read_small_text,
     refuse_unwritable,
+    write_each,
     write_text_whole,
     written_whole,
 )
@@ -64,6 +65,7 @@ __all__ = [
     "read_scale",
     "read_small_text",
     "refuse_unwritable",
+    "write_each",
     "write_text_whole",
     "written_whole",
 ]

@@ -13,12 +13,12 @@ import stat
 import tempfile
 import time
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from metrology.errors import OutputError, SetupError, UsageError
+from metrology.errors import ImpactVisionError, OutputError, SetupError, UsageError
 
 __all__ = [
     "parse_toml",
@@ -26,9 +26,13 @@ __all__ = [
     "read_small_text",
     "refuse_unwritable",
     "shown_path",
+    "write_each",
     "write_text_whole",
     "written_whole",
 ]
+
+MAX_SHOWN_LINE = 100
+"""Characters of a line shown in a message (chosen: a line of a terminal)."""
 
 MAX_TEXT_BYTES = 4 << 20
 """Maximum size of a setup, lens or law file, bytes (chosen: a hundred times the usual)."""
@@ -118,9 +122,9 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
         place = re.search(r"at line (\d+)", str(problem))
         lines = text.splitlines() or [""]
         line = lines[int(place[1]) - 1 if place else -1].strip()
+        line = line if len(line) <= MAX_SHOWN_LINE else ""
         raise SetupError(
-            f"{name} is not valid TOML: {_shortened(str(problem))}"
-            + (f": {_shortened(line)}" if line else ""),
+            f"{name} is not valid TOML: {_shortened(str(problem))}" + (f": {line}" if line else ""),
             hint=_toml_cure(line, str(problem)),
         ) from problem
 
@@ -198,6 +202,25 @@ def write_text_whole(path: Path, text: str) -> None:
     """Write a UTF-8 text file atomically; bytes of file names that are none become escapes."""
     with written_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
+
+
+def write_each(writers: Iterable[Callable[[], None]]) -> None:
+    """Write several files; one that can't be written does not stop the others.
+
+    Raises
+    ------
+    ImpactVisionError
+        The first problem, with the messages of all; `OutputError` if any is one.
+    """
+    problems: list[ImpactVisionError] = []
+    for write in writers:
+        try:
+            write()
+        except ImpactVisionError as problem:
+            problems.append(problem)
+    if problems:
+        first = min(problems, key=lambda one: not isinstance(one, OutputError))
+        raise type(first)("\n".join(one.message for one in problems), hint=first.hint)
 
 
 def refuse_unwritable(path: Path) -> None:

@@ -30,6 +30,7 @@ __all__ = [
     "DISTANCE",
     "DRAG_COEFFICIENT",
     "EFFECTIVE_MASS",
+    "FIELD_OF_VIEW",
     "FINE_PITCH",
     "GRID_PITCH",
     "HUMIDITY",
@@ -532,6 +533,11 @@ AIR_VISCOSITY = Measurand(
 DRAG_COEFFICIENT = Measurand(
     "a drag coefficient", "1", 0.0, 1.6, "spheres have 0.1 to 0.5, blunt bodies up to 1.6", "0.47"
 )
+
+FIELD_OF_VIEW = Measurand(
+    "a field of view", "rad", math.radians(2.0), math.radians(130.0),
+    "lenses of cameras see 2° to 130°", "50 deg",
+)  # fmt: skip
 
 SPEED = Measurand(
     "a speed", "m/s", 1e-3, 1000.0, "impact speeds are between 1 mm/s and 1 km/s", "3.2 m/s"

@@ -230,8 +230,17 @@ def _no_fit(problem: Exception) -> "MeasurementError":
     )
 
 
+_ENDINGS = {
+    "--overlay": (".mp4", ".mov", ".mkv"),
+    "--plot": (".png", ".svg"),
+    "--detections": (".csv",),
+    "--tracklets": (".csv",),
+}
+"""File endings of the options that require one."""
+
+
 def refuse_clashes(outputs: Mapping[str, Path], inputs: Iterable[Path | None]) -> None:
-    """Refuse outputs that can't be written, that are also inputs, or that are named twice.
+    """Refuse outputs that can't be written, are also inputs, are named twice or end wrongly.
 
     Parameters
     ----------
@@ -250,6 +259,12 @@ def refuse_clashes(outputs: Mapping[str, Path], inputs: Iterable[Path | None]) -
     taken: dict[str, str] = {}
     for option, path in outputs.items():
         refuse_unwritable(path)
+        endings = _ENDINGS.get(option, ())
+        if endings and path.suffix.lower() not in endings:
+            raise UsageError(
+                f"{option} {path}: unknown file ending",
+                hint=f"Name a file that ends in {', '.join(endings)}.",
+            )
         if any(path.exists() and path.samefile(given) for given in read):
             raise UsageError(
                 f"{option} {path}: the same file is an input",

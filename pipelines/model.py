@@ -986,10 +986,6 @@ def simulate_command(
         effects=added,
         uncertain=wanted.uncertain,
     )
-    if plot is not None:
-        from pipelines.report.plots import save_figure
-
-        save_figure(flights_figure(wanted.experiment, result.flight, result.contact_flight), plot)
     send_out(
         f"{wanted.experiment.ball.name}, simulated",
         result.quantities,
@@ -998,6 +994,10 @@ def simulate_command(
         csv_to=csv_to,
         quiet=quiet,
     )
+    if plot is not None:
+        from pipelines.report.plots import save_figure
+
+        save_figure(flights_figure(wanted.experiment, result.flight, result.contact_flight), plot)
 
 
 _CONTACT_ANGLE = ("backswing_angle_contact_model", "deg")
@@ -1199,10 +1199,6 @@ def plan_command(
         # the law's uncertainty depends on the planned speed
         scatter = wanted.scatter_at(planned.plan.impact_speed, scatter)
         planned = plan(wanted.experiment, metres, cor=wanted.law, scatter=scatter)
-    if plot is not None:
-        from pipelines.report.plots import save_figure
-
-        save_figure(planned_figure(wanted.experiment, wanted.law, planned), plot)
     send_out(
         f"{wanted.experiment.ball.name}, {distance}",
         planned.quantities,
@@ -1211,3 +1207,7 @@ def plan_command(
         csv_to=csv_to,
         quiet=quiet,
     )
+    if plot is not None:
+        from pipelines.report.plots import save_figure
+
+        save_figure(planned_figure(wanted.experiment, wanted.law, planned), plot)

@@ -656,10 +656,7 @@ def _view_asked(field_of_view: str | None, focal_length: str | None) -> float | 
         return 2.0 * math.atan(0.5 * FILM_WIDTH_M / focal)
     if field_of_view is None:
         return None
-    angle = parse_quantity(field_of_view, "rad")
-    if not math.radians(2.0) <= angle <= math.radians(130.0):
-        raise UsageError(f"field of view {math.degrees(angle):g}°", hint="Give 2 to 130 deg.")
-    return angle
+    return read_number(field_of_view, measurands.FIELD_OF_VIEW, "--field-of-view")
 
 
 def _document(predicted: PlannedRecording, tried: tuple[FilmingChange, ...]) -> str:

@@ -1,15 +1,15 @@
 """`vision explain`: find missing physics, write the improved model as a setup."""
 
 import json
-import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from metrology import UsageError, write_text_whole
+from metrology import UsageError, write_each, write_text_whole
 from mismatch import ExplainedCampaign
 from mismatch.trial_table import TableExplained
 from physics.effects import CATALOGUE, Effect
@@ -174,23 +174,26 @@ def explain_command(
     else:
         explained = explain_files_in_full(ball, pendulum, known, held, effects)
     text = json.dumps(explained.verdict.to_json(), indent=1, allow_nan=False)
+    writers: list[Callable[[], None]] = []
     if json_file == "-":
-        sys.stdout.write(text + "\n")
+        writers.append(partial(print, text))
     elif json_file is not None:
-        write_text_whole(Path(json_file), text + "\n")
+        writers.append(partial(write_text_whole, Path(json_file), text + "\n"))
     if plot is not None:
         from pipelines.explain.report import draw_explained
 
-        draw_explained(explained, plot)
+        writers.append(partial(draw_explained, explained, plot))
     if report is not None:
-        given = [*(inputs or []), pendulum, setup, effects, trials]
         from pipelines.explain.report import write_explain_report
 
-        write_explain_report(explained, report, [path for path in given if path is not None])
+        given = [*(inputs or []), pendulum, setup, effects, trials]
+        read = [path for path in given if path is not None]
+        writers.append(partial(write_explain_report, explained, report, read))
     if model is not None:
-        write_text_whole(model, improved_setup(setup, explained))
+        writers.append(lambda: write_text_whole(model, improved_setup(setup, explained)))
     if not quiet and json_file != "-":
-        sys.stdout.write(explained.verdict.text() + "\n")
+        writers.append(partial(print, explained.verdict.text()))
+    write_each(writers)
 
 
 def _of_trials(path: Path, columns: Mapping[str, str]) -> bool:

@@ -27,6 +27,7 @@ from metrology import (
     ImpactVisionError,
     MeasurementError,
     NotFoundError,
+    OutputError,
     UsageError,
     write_text_whole,
 )
@@ -355,7 +356,13 @@ def measure_all(
 def _measure_job(job: Job) -> tuple[dict[str, object], str, tuple[str, ...]]:
     """Measure one clip and write its files; return its row, a summary line and its warnings."""
     measured = measure_clip(job.clip, job.options)
-    job.wanted.write(measured, job.clip, job.names)
+    try:
+        job.wanted.write(measured, job.clip, job.names)
+    except OutputError:
+        raise
+    except ImpactVisionError as problem:
+        # nothing to draw is no reason to lose the row
+        measured = replace(measured, warnings=(*measured.warnings, problem.in_one_line))
     summary = [
         f"{quantity_label(item.name)} {quantity_text(item)}"
         for item in measured.quantities
@@ -471,7 +478,6 @@ def _begin(given: Mapping[str, Any]) -> tuple[WantedFiles, MeasureOptions]:
     """Requested files and measuring options from a command's arguments by name."""
     named = {one.name for one in fields(WantedFiles)}
     wanted = WantedFiles(**{name: value for name, value in given.items() if name in named})
-    wanted.require_kinds()
     how = ("setup", "fps", "ball", "wall_grid", "ball_at", "mass_at", "scale", "budget", "every")
     chosen = {name: given[name] for name in how}
     return wanted, measure_options(**chosen, cache=not given["no_cache"])
@@ -594,7 +600,6 @@ def _into_folder(
     clips = list(dict.fromkeys(clips))
     placed = files_of(folder.out, clips, wanted)
     for clip in clips:
-        placed[clip].require_kinds()
         refuse_clashes(placed[clip].files(), (clip, options.setup.path))
     names = tuple(QUANTITY_UNITS)
     todo = [Job(clip, options, placed[clip], names) for clip in clips]
@@ -758,10 +763,10 @@ def _measured(
         task = bar.add_task("reading", total=1.0)
         measured = measure(lambda step, part: bar.update(task, description=step, completed=part))
         bar.update(task, description="writing", completed=0.5)
-        refused: UsageError | None = None
+        refused: ImpactVisionError | None = None
         try:
             wanted.write(measured, clip, names)
-        except UsageError as problem:
+        except ImpactVisionError as problem:
             # print the results before the error
             refused = problem
     if not wanted.quiet:

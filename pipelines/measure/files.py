@@ -1,8 +1,9 @@
 """Output of a measurement: table, JSON, CSV, tracks, overlay, plots, report."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from metrology import Quantity, UsageError, write_text_whole
+from metrology import Quantity, UsageError, write_each, write_text_whole
 from metrology.files import printable
 from pipelines.measure.impact import Impact, arm_along_bar, gap_after, gap_before
 from pipelines.measure.inputs import QuantityName, kinds_of, main_quantities
@@ -27,12 +28,14 @@ from pipelines.report import (
 )
 from pipelines.report.inputs import quantity_label, quantity_text
 from vision.clip.clip import ClipReader
-from vision.overlay import OVERLAY_SUFFIXES, OverlayMarks, overlay_still, png_bytes
+from vision.overlay import OverlayMarks, overlay_still, png_bytes
 from vision.stages import candidate_table, detect, detection_table, interpret, link
 from vision.tracks import FollowedObject, Motion, Tracks
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from vision.finding.selection import FoundObjects
 
 __all__ = [
     "WantedFiles",
@@ -252,16 +255,6 @@ def results_table(measured: ClipMeasurement, names: Sequence[str] | None = None)
     return table
 
 
-_PLOT_SUFFIXES = (".png", ".svg")
-
-_SUFFIXES = {
-    "--overlay": OVERLAY_SUFFIXES,
-    "--plot": _PLOT_SUFFIXES,
-    "--detections": (".csv",),
-    "--tracklets": (".csv",),
-}
-"""File endings of the options that require one."""
-
 _PROJECT_SUFFIXES = (".trk", ".kva")
 """Of Tracker and Kinovea; other names get the track CSV."""
 
@@ -298,21 +291,6 @@ class WantedFiles:
     def pictures(self) -> bool:
         """Whether a picture is requested that shows more than the requested quantities."""
         return not (self.overlay is None and self.plot is None and self.report is None)
-
-    def require_kinds(self) -> None:
-        """Refuse a picture or a table of objects with an unknown file ending.
-
-        Raises
-        ------
-        UsageError
-        """
-        files = self.files()
-        for kinds, given in _SUFFIXES.items():
-            if kinds in files and files[kinds].suffix.lower() not in given:
-                raise UsageError(
-                    f"{kinds} {files[kinds]}: unknown file ending",
-                    hint=f"Name a file that ends in {', '.join(given)}.",
-                )
 
     def require_clip(self, clip: Path | None) -> None:
         """Refuse an overlay without a clip.
@@ -361,47 +339,60 @@ class WantedFiles:
             )
 
     def write(self, measured: ClipMeasurement, clip: Path | None, names: Sequence[str]) -> None:
-        """Write all files, each completely or not at all.
+        """Write all files, each completely or not at all; one that fails does not stop the others.
 
         Without a clip there is no overlay, and the report has no pictures of it.
 
         Raises
         ------
-        UsageError
-            If one can't be written.
+        ImpactVisionError
+            As `write_each`.
         """
-        # imported here: each import takes longer than measuring from the cache
-        files = self.files()
-        if self.csv is not None:
-            write_text_whole(self.csv, measurements_as_csv([measured], names))
-        if "--json" in files:
-            write_text_whole(files["--json"], measurement_as_json(measured, names) + "\n")
-        if self.tracks is not None:
-            _write_tracks(self.tracks, measured, clip)
-        found = measured.tracks.found
-        if found is not None and self.detections is not None:
-            write_text_whole(self.detections, _as_csv(detection_table(found.seen)))
-        if found is not None and self.tracklets is not None:
-            write_text_whole(self.tracklets, _as_csv(candidate_table(found)))
-        if self.overlay is not None and clip is not None:
-            from vision.overlay import write_overlay
+        writers: dict[str, Callable[[Path], None]] = {
+            "csv": lambda path: write_text_whole(path, measurements_as_csv([measured], names)),
+            "json": lambda path: write_text_whole(
+                path, measurement_as_json(measured, names) + "\n"
+            ),
+            "tracks": lambda path: _write_tracks(path, measured, clip),
+            "detections": lambda path: _write_found(
+                path, measured, lambda found: detection_table(found.seen)
+            ),
+            "tracklets": lambda path: _write_found(path, measured, candidate_table),
+            "overlay": lambda path: _write_overlay(path, measured, clip),
+            "report": lambda path: _write_report(path, measured, clip),
+            "plot": lambda path: _write_plot(path, measured),
+        }
+        write_each(partial(writers[option[2:]], path) for option, path in self.files().items())
 
-            write_overlay(
-                self.overlay,
-                ClipReader.open(clip, every=measured.info.every),
-                measured.tracks,
-                overlay_marks(measured),
-            )
-        if self.report is not None:
-            from pipelines.report.page import write_report
 
-            film = None if clip is None else ClipReader.open(clip, every=measured.info.every)
-            write_report(self.report, report_input(measured, film))
-        # last: it fails if there are no curves, and the other files are then complete
-        if self.plot is not None:
-            from pipelines.report.plots import write_plot
+def _write_found(
+    path: Path, measured: ClipMeasurement, table: "Callable[[FoundObjects], pd.DataFrame]"
+) -> None:
+    if measured.tracks.found is not None:
+        write_text_whole(path, _as_csv(table(measured.tracks.found)))
 
-            write_plot(self.plot, report_input(measured, None))
+
+# imported where it is used: each import takes longer than measuring from the cache
+def _write_overlay(path: Path, measured: ClipMeasurement, clip: Path | None) -> None:
+    if clip is None:
+        return
+    from vision.overlay import write_overlay
+
+    film = ClipReader.open(clip, every=measured.info.every)
+    write_overlay(path, film, measured.tracks, overlay_marks(measured))
+
+
+def _write_report(path: Path, measured: ClipMeasurement, clip: Path | None) -> None:
+    from pipelines.report.page import write_report
+
+    film = None if clip is None else ClipReader.open(clip, every=measured.info.every)
+    write_report(path, report_input(measured, film))
+
+
+def _write_plot(path: Path, measured: ClipMeasurement) -> None:
+    from pipelines.report.plots import write_plot
+
+    write_plot(path, report_input(measured, None))
 
 
 def _write_tracks(path: Path, measured: ClipMeasurement, clip: Path | None) -> None:

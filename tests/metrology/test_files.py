@@ -5,6 +5,7 @@ import stat
 import subprocess
 import sys
 import threading
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from metrology import (
     parse_toml,
     read_small_text,
     refuse_unwritable,
+    write_each,
     write_text_whole,
     written_whole,
 )
@@ -163,3 +165,16 @@ def test_a_pipe_that_nothing_reads_is_refused(
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(OutputError, match="nothing reads this pipe"):
         write_text_whole(tmp_path / "pipe", "a")
+
+
+def test_a_file_that_fails_does_not_stop_the_others(tmp_path: Path) -> None:
+    def refuse() -> None:
+        raise UsageError("nothing to plot", hint="Omit --plot.")
+
+    paths = tmp_path / "a.txt", tmp_path / "no" / "b.txt", tmp_path / "c.txt"
+    writers = [refuse, *(partial(write_text_whole, path, "words") for path in paths)]
+    with pytest.raises(OutputError) as raised:
+        write_each(writers)
+    assert "nothing to plot" in raised.value.message
+    assert "b.txt" in raised.value.message
+    assert [path.exists() for path in paths] == [True, False, True]

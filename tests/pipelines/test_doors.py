@@ -102,6 +102,26 @@ def test_what_is_no_regular_file_is_refused_at_once(
     assert not (tmp_path / "out").exists()
 
 
+LATE = {
+    "explain": ["explain", "none.csv", "--setup", "none.toml", "--plot", "p.jpeg"],
+    "simulate": [*SIMULATE, "--plot", "p.bmp"],
+    "plan": ["plan", "--distance", "1.5 m", "--plot", "p.pdf"],
+    "measure": ["measure", "none.mp4", "--overlay", "o.gif"],
+    "many": ["measure", "none.mp4", "--out", "many", "--plot", "p.jpeg"],
+}
+
+
+@pytest.mark.parametrize("command", LATE)
+def test_an_ending_that_cannot_be_written_is_refused_first(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, said = invoked(*LATE[command])
+    assert code == 2
+    assert said.startswith(f"vision: {LATE[command][-2]} {LATE[command][-1]}: unknown file ending")
+    assert list(tmp_path.iterdir()) == []
+
+
 def _command(fault: Exception) -> int | str | None:
     def fails(out: Annotated[Path | None, typer.Option(), FileRole.WRITES] = None) -> None:
         raise fault

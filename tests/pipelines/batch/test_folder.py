@@ -98,3 +98,15 @@ def test_what_cannot_be_read_is_told_and_ends_with_its_code(
     assert result.exit_code == 3
     assert "no.mp4" in result.output
     assert "2 of 2" in result.output
+
+
+@pytest.mark.slow
+def test_a_plot_without_curves_does_not_lose_the_clips_row(tmp_path: Path) -> None:
+    clip = Path(__file__).parents[3] / "docs" / "lessons" / "drop.mp4"
+    out = tmp_path / "out"
+    words = ["measure", str(clip), "--out", str(out), "--plot", "p.png", "--report", "r.html"]
+    result = CliRunner().invoke(app, [*words, "--fps", "240", "--ball", "100mm", "-j", "1"])
+    assert result.exit_code == 0, result.output
+    assert "nothing to plot" in result.output
+    assert [row["motion"] for row in rows(out)] == ["drop"]
+    assert (out / "drop.r.html").exists()

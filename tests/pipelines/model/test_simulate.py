@@ -87,7 +87,7 @@ def test_stds_are_the_scatter_of_many_strikes() -> None:
 
 
 def test_closed_form_and_numerical_path_are_both_given() -> None:
-    values = _values("--backswing", "120")
+    values = _values("--backswing", "120 deg")
     difference = values["closed_form_difference"]["value"]
     gap = values["landing_distance_closed_form"]["value"] - values["landing_distance"]["value"]
     assert difference == pytest.approx(gap)
@@ -95,9 +95,9 @@ def test_closed_form_and_numerical_path_are_both_given() -> None:
 
 
 def test_effects_of_the_catalogue_act() -> None:
-    plain = _values("--backswing", "90")
-    spun = _values("--backswing", "90", "--effect", "magnus:spin=20")
-    rubbed = _values("--backswing", "90", "--effect", "bearing_friction:dry_torque=0.3")
+    plain = _values("--backswing", "90 deg")
+    spun = _values("--backswing", "90 deg", "--effect", "magnus:spin=20")
+    rubbed = _values("--backswing", "90 deg", "--effect", "bearing_friction:dry_torque=0.3")
     assert spun["landing_distance"]["value"] > plain["landing_distance"]["value"] + 0.01
     assert rubbed["impact_speed"]["value"] < plain["impact_speed"]["value"] - 0.01
     tilted = simulate(
@@ -116,9 +116,9 @@ def test_effects_of_the_catalogue_act() -> None:
 
 
 def test_a_drag_curve_is_followed_along_the_flight() -> None:
-    free = _values("--backswing", "120", "--drag", "0")
-    curve = _values("--backswing", "120", "--drag", "soccer")
-    level = _values("--backswing", "120", "--drag", "0.5")
+    free = _values("--backswing", "120 deg", "--drag", "0")
+    curve = _values("--backswing", "120 deg", "--drag", "soccer")
+    level = _values("--backswing", "120 deg", "--drag", "0.5")
     assert free["landing_distance"]["value"] > curve["landing_distance"]["value"] + 0.05
     assert curve["landing_distance"]["value"] == pytest.approx(
         level["landing_distance"]["value"], abs=2e-3
@@ -133,7 +133,7 @@ def test_a_setup_file_sets_ball_air_scatter_and_model(tmp_path: Path) -> None:
         'cor = "0.8 - 0.01*v"\n[scatter]\nbackswing = "1 deg"\n'
         '[model]\neffects = ["gravity", "magnus"]\n[model.magnus]\nspin = 10\n'
     )
-    values = _values("--backswing", "60", "--setup", str(setup))
+    values = _values("--backswing", "60 deg", "--setup", str(setup))
     speed = values["impact_speed"]["value"]
     assert values["cor_speeds"]["value"] == pytest.approx(0.8 - 0.01 * speed)
     assert values["backswing_angle"]["std"] == pytest.approx(1.0)
@@ -142,7 +142,7 @@ def test_a_setup_file_sets_ball_air_scatter_and_model(tmp_path: Path) -> None:
 def test_files_are_written_where_asked(tmp_path: Path) -> None:
     table, picture = tmp_path / "out.csv", tmp_path / "path.png"
     result = runner.invoke(
-        app, ["--backswing", "90", "--csv", str(table), "--plot", str(picture), "--quiet"]
+        app, ["--backswing", "90 deg", "--csv", str(table), "--plot", str(picture), "--quiet"]
     )
     assert result.exit_code == 0
     assert result.output == ""
@@ -178,7 +178,7 @@ def test_a_contact_that_cannot_be_followed_leaves_a_reason(tmp_path: Path) -> No
     "arguments",
     [
         [],
-        ["--backswing", "90", "--impact-speed", "3"],
+        ["--backswing", "90 deg", "--impact-speed", "3"],
         ["--backswing", "200deg"],
         ["--backswing", "3 kg"],
         ["--impact-speed", "-3"],
