@@ -487,7 +487,7 @@ def _tested(prepared: Prepared, naming: Naming, held: np.ndarray | None) -> _Tes
     passed = pass_gate(prepared, best, kind, kept, outdone=naming.outdone)
     evidence = evidence_for_names(forward, base, naming, predictions, passed.weight)
     probabilities = tuple(min(calibrated_probability(one), passed.most) for one in evidence)
-    return _Tested(naming, groups, kept, passed, evidence, probabilities)
+    return _Tested(naming, groups, kept, passed.at(probabilities), evidence, probabilities)
 
 
 def _tested_answers(

@@ -476,6 +476,9 @@ DOUBTED = 0.45
 """Probability that a name has at most where a rule in `FORBIDS` speaks against it. Convention:
 below one half, so that it is no answer."""
 
+EXCLUDED = 0.05
+"""Probability below which a name is excluded. Convention: one minus that of every interval."""
+
 CARRIED = 0.3
 
 """Share of g below which a body that is said to be free does not fall."""
@@ -539,6 +542,7 @@ class Doubt(Enum):
     UNCONVERGED = "its fit did not converge"
     ONE_RECORD = "one trial shows nothing twice: any smooth remainder could pass for a law"
     UNLIKELY = "it is less likely than all other answers together"
+    EXCLUDED = "all other answers together are twenty times as likely"
     NOISE = "the noise that is needed is as large as the motion itself, so nothing can be said"
 
 
@@ -577,7 +581,8 @@ class Passed:
     @property
     def names(self) -> bool:
         """Whether anything may be named at all."""
-        return not {Doubt.WORSE_HELD_OUT, Doubt.CARRIED, Doubt.NOISE}.intersection(self.doubts)
+        nothing = {Doubt.WORSE_HELD_OUT, Doubt.CARRIED, Doubt.NOISE, Doubt.EXCLUDED}
+        return not nothing.intersection(self.doubts)
 
     @property
     def against(self) -> tuple[Doubt, ...]:
@@ -588,6 +593,12 @@ class Passed:
     def most(self) -> float:
         """Largest probability that a name may have."""
         return DOUBTED if FORBIDS.intersection(self.doubts) else 0.999
+
+    def at(self, probabilities: Sequence[float]) -> "Passed":
+        """What passes once names have probabilities: none, if 95 % exclude each of them."""
+        if max(probabilities) >= EXCLUDED:
+            return self
+        return replace(self, kind="unexplained", doubts=(*self.doubts, Doubt.EXCLUDED))
 
 
 def pass_gate(
