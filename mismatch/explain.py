@@ -57,6 +57,7 @@ from mismatch.verdict import (
     NamedEffect,
     ParameterValue,
     Passed,
+    Prediction,
     StrengthsOfEach,
     VerdictKind,
     hold_out,
@@ -465,7 +466,12 @@ class _Tested:
         return min(self.probabilities, default=0.0) if self.passed.names else 0.0
 
 
-def _tested(prepared: Prepared, naming: Naming, held: np.ndarray | None) -> _Tested:
+def _tested(
+    prepared: Prepared,
+    naming: Naming,
+    held: np.ndarray | None,
+    known: dict[tuple[int, bytes], Prediction],
+) -> _Tested:
     """Test an answer on its remainder, on data kept aside, and against all other sets."""
     forward, base, best = prepared.forward, prepared.fit, naming.best
     groups = _groups(best, naming.rivals())
@@ -481,7 +487,7 @@ def _tested(prepared: Prepared, naming: Naming, held: np.ndarray | None) -> _Tes
         blamed = (first, *naming.suspects())
         if not any(set(blamed) <= set(group) for group in groups):
             groups = (*groups, blamed)
-    folds, predictions = predict(forward, base, sets_to_predict(naming), held)
+    folds, predictions = predict(forward, base, sets_to_predict(naming), held, known)
     kept = hold_out(forward, base, best, held, known=(folds, predictions))
     kind = "ambiguous" if groups else "explained"
     passed = pass_gate(prepared, best, kind, kept, outdone=naming.outdone)
@@ -498,12 +504,14 @@ def _tested_answers(
     Names compete with forces without a name, and with fewer or more names: what is in no catalogue
     is an answer as well, and so is one law that averages two, or two that one averages.
     """
-    first = _tested(prepared, naming, held)
+    known: dict[tuple[int, bytes], Prediction] = {}
+    first = _tested(prepared, naming, held, known)
     if naming.best is None or first.probability >= 0.5:
         return (first,)
     others = (other_kind(naming, naming.best), *other_sizes(naming, naming.best))
     found = {id(one): one for one in others if one is not None}
-    return first, *(_tested(prepared, replace(naming, best=one), held) for one in found.values())
+    more = (replace(naming, best=one) for one in found.values())
+    return first, *(_tested(prepared, one, held, known) for one in more)
 
 
 def _verdict(campaign: CampaignRecords, prepared: Prepared, tested: _Tested) -> EngineVerdict:

@@ -1036,7 +1036,11 @@ class Prediction:
 
 
 def predict(
-    forward: Forward, base: Fit, sets: Sequence[Hypothesis], held: np.ndarray | None = None
+    forward: Forward,
+    base: Fit,
+    sets: Sequence[Hypothesis],
+    held: np.ndarray | None = None,
+    known: dict[tuple[int, bytes], Prediction] | None = None,
 ) -> tuple[np.ndarray, dict[int, Prediction]]:
     """Predictions of the baseline and of fitted sets, by the id of their fits.
 
@@ -1046,6 +1050,8 @@ def predict(
         The answer first; which trials are held out depends on it.
     held : (T,) bool array, optional
         Trials that a user chose to hold out.
+    known : dict, optional
+        Predictions by the id of the fit and the folds; those of further fits are added.
 
     Returns
     -------
@@ -1059,16 +1065,19 @@ def predict(
     trained: list[Fit] = []
     if folds.size:
         folds, trained = _foretold(forward, best, folds, chosen=held is not None)
-    found = {}
-    for fit in (base, *(h.fit for h in sets)):
+    known = {} if known is None else known
+    fits = (base, *(h.fit for h in sets))
+    for fit in fits:
+        if (id(fit), folds.tobytes()) in known:
+            continue
         errors, counts, cost = np.zeros(0), np.zeros(0), None
         if folds.size:
             learnt = trained if fit is best.fit else [_trained(forward, fit, m) for m in folds]
             parts = [_errors(forward, fit, *one) for one in zip(learnt, folds, strict=True)]
             errors, counts, cost = _together(parts)
         late = _extrapolation(forward, fit, fit.free) or (np.zeros(0), np.zeros(0))
-        found[id(fit)] = Prediction(errors, counts, cost, *late)
-    return folds, found
+        known[id(fit), folds.tobytes()] = Prediction(errors, counts, cost, *late)
+    return folds, {id(fit): known[id(fit), folds.tobytes()] for fit in fits}
 
 
 def hold_out(

@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mismatch import verdict
 from mismatch.candidates import candidates_for
 from mismatch.fitting.hypotheses import fit_hypothesis
 from mismatch.fitting.prepare import prepare
 from mismatch.records import CampaignRecords
-from mismatch.verdict import hold_out
+from mismatch.verdict import hold_out, predict
 from physics.domain import Vector
 from physics.effects import Effect, FlightState, Parameter, Values
 from tests.mismatch.synthetic import struck_campaign
@@ -42,3 +43,25 @@ def test_held_out_trials_are_predictable_from_the_others():
     assert asked is not None
     assert asked.trials == ("2", "5")
     assert asked.rmse_after > 2.0 * asked.rmse_before
+
+
+def test_a_set_is_predicted_once_for_all_answers_that_are_tested(monkeypatch):
+    """Each of four answers of a long swing predicted the same baseline anew, 9 of 46 s."""
+    law = Fan("fan", "", "", "", "flight", (Parameter("strength", "N", 0.1, -10.0, 10.0),))
+    known = prepare(*struck_campaign((law, {"strength": 1.0}), trials=5))
+    pool = candidates_for(known.forward, known.fit.model, [law], unnamed=False)
+    sets = [
+        fit_hypothesis(known.forward, known.fit, pool, [np.array([size])]) for size in (0.0, 0.5)
+    ]
+    extrapolated, seen = [], verdict._extrapolation
+
+    def counted(forward, fit, free):
+        extrapolated.append(id(fit))
+        return seen(forward, fit, free)
+
+    monkeypatch.setattr(verdict, "_extrapolation", counted)
+    shared = {}
+    _, first = predict(known.forward, known.fit, sets[:1], known=shared)
+    _, second = predict(known.forward, known.fit, sets[::-1], known=shared)
+    assert sorted(extrapolated) == sorted({id(known.fit), *(id(h.fit) for h in sets)})
+    assert first.items() <= second.items()
