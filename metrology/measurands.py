@@ -47,7 +47,6 @@ __all__ = [
     "Measurand",
     "parse_measured",
     "parse_quantity",
-    "parse_with_uncertainty",
     "read_given",
     "read_number",
     "read_scale",
@@ -164,31 +163,6 @@ def _no_quantity(text: str, unit: str) -> UnitError:
         if with_doubt
         else f"Write a number with a unit, such as '1 {unit}'.",
     )
-
-
-def parse_with_uncertainty(text: str | float, unit: str, default_std: float) -> tuple[float, float]:
-    """Convert ``"4.00 m ± 5 mm"`` (or ``+/-``, ``+-``) to value and standard uncertainty.
-
-    Parameters
-    ----------
-    text : str or float
-        A quantity, with or without its standard uncertainty.
-    unit : str
-        The unit wanted.
-    default_std : float
-        Standard uncertainty if none is given, in `unit`.
-
-    Returns
-    -------
-    value, std : float
-
-    Raises
-    ------
-    UnitError
-        If either part has not that dimension, or the uncertainty is negative.
-    """
-    value, std = parse_measured(text, unit)
-    return value, default_std if std is None else std
 
 
 def parse_measured(text: str | float, unit: str) -> tuple[float, float | None]:

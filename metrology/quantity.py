@@ -64,7 +64,6 @@ class UncertaintySource(StrEnum):
 
     TRIAL_SCATTER = "variation between trials"
     COR = "coefficient of restitution"
-    IMPACT_SPEED = "impact speed"
     LAUNCH_ANGLE = "launch angle"
     CONTACT_TIME = "contact time"
     BACKSWING = "back-swing"

@@ -48,15 +48,12 @@ from physics.integrator import SolvedPath, ZeroCrossing, follow_until, runge_kut
 from physics.restitution import require_cor
 
 __all__ = [
-    "MAX_CONTACT_MODULUS",
-    "MIN_GAUGE_PRESSURE",
     "ContactHistory",
     "ContactOutcome",
     "ContactScene",
     "HuntCrossley",
     "ImpulsiveImpact",
     "contact_outcomes",
-    "contact_time_bound",
     "cor_from_ball_speed",
     "damping_for_cor",
     "elastic_contact_time",
@@ -908,64 +905,3 @@ def cor_from_ball_speed(
     """Eq. 10 solved for e from the ball's speed after and the pendulum's before, m/s."""
     require_positive("the impact speed", before, "m/s")
     return ball * (effective_mass + ball_mass) / (effective_mass * before) - 1.0
-
-
-MIN_GAUGE_PRESSURE = 8.0e3
-"""Minimum gauge pressure of a ball, Pa (chosen: a soft play ball; a volleyball has 30 kPa, a
-basketball 55 kPa, a football 60 to 110 kPa by the rules of FIVB, FIBA and IFAB)."""
-
-MAX_CONTACT_MODULUS = 1.15e11
-"""Maximum contact modulus, Pa (derived): E* = E / 2(1 − ν²) of steel on steel with E = 210 GPa and
-ν = 0.3; no ball is stiffer."""
-
-_HERTZ_TIME_FACTOR = 2.87
-"""Factor of Hertz's contact time, 1 (convention: Johnson 1985, Eq. 11.24)."""
-
-
-@dataclass(frozen=True)
-class ContactTimeBound:
-    """Possible contact times of a ball.
-
-    Attributes
-    ----------
-    shortest, longest : float
-        s.
-    """
-
-    shortest: float
-    longest: float
-
-
-def contact_time_bound(
-    ball_mass: float, diameter: float, face_mass: float, speed: float
-) -> ContactTimeBound:
-    """Bound the contact time of a ball by the stiffest and softest materials.
-
-    Parameters
-    ----------
-    ball_mass, diameter : float
-        Of the ball, kg and m.
-    face_mass : float
-        Effective mass of the striker, kg.
-    speed : float
-        Impact speed, m/s.
-
-    Returns
-    -------
-    ContactTimeBound
-
-    Raises
-    ------
-    DomainError
-        If one of them is not positive.
-    """
-    require_positive("a ball's mass", ball_mass, "kg")
-    require_positive("a ball's diameter", diameter, "m")
-    require_positive("an effective mass", face_mass, "kg")
-    require_positive("a speed of approach", speed, "m/s")
-    mass = ball_mass * face_mass / (ball_mass + face_mass)
-    solid = (
-        _HERTZ_TIME_FACTOR * (mass**2 / (0.5 * diameter * MAX_CONTACT_MODULUS**2 * speed)) ** 0.2
-    )
-    shell = math.pi * math.sqrt(mass / (math.pi * diameter * MIN_GAUGE_PRESSURE))
-    return ContactTimeBound(solid, shell)

@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 import scipy
 
-from metrology import Contribution, Defaults, DomainError, Quantity, UncertaintySource
+from metrology import Defaults, DomainError
 from physics.air import PAPER_AIR, SUBCRITICAL_DRAG, Air
 from physics.bodies import (
     GRAVITY,
@@ -42,7 +42,7 @@ from physics.flight import (
     land,
     land_many,
 )
-from physics.restitution import CorLaw, require_cor
+from physics.restitution import CorLaw
 from physics.swing import backswing_for_speed, frictionless_speed
 
 __all__ = [
@@ -54,13 +54,10 @@ __all__ = [
     "closed_form_landing",
     "cor_from_range",
     "drag_term",
-    "impact_speed_from_range",
     "impulsive_launch",
-    "monte_carlo_cor",
     "numerical_landing",
     "paper_impact",
     "plan_distance",
-    "propagate_cor",
     "sensitivities",
     "speed_for_distance",
     "time_resolved_landing",
@@ -564,39 +561,6 @@ def cor_from_range(inputs: RangeInputs) -> Number:
     )
 
 
-def impact_speed_from_range(inputs: RangeInputs, cor: Number) -> Number:
-    """Eq. 22 (with its exponent corrected): impact speed that lands the ball at the distance.
-
-    Parameters
-    ----------
-    inputs : RangeInputs
-        `impact_speed` is only the initial guess.
-    cor : float or array
-        e, known.
-
-    Returns
-    -------
-    float or array
-        v_M⁰, m/s.
-
-    Raises
-    ------
-    DomainError
-        As `cor_from_range`; and for e outside (0, 1].
-    """
-    _check_inputs(inputs)
-    require_cor(cor)
-    share = inputs.effective_mass * (1.0 + cor) / (inputs.effective_mass + inputs.ball_mass)
-    kept = 1.0 - 0.5 * inputs.ball_mass * share / inputs.effective_mass
-    speed: Number = inputs.impact_speed
-    for _ in range(60):
-        before = speed
-        speed = _ball_speed(inputs, kept * speed * inputs.contact_time) / share
-        if float(np.max(np.abs(speed - before))) < 1e-13 * float(np.max(np.abs(speed))):
-            return speed
-    raise DomainError("Eq. 22 has no fixed point for these inputs")
-
-
 def sensitivities(inputs: RangeInputs, step: float = 1e-5) -> dict[str, float]:
     """∂e/∂(input) of every input at a point, by central differences.
 
@@ -620,60 +584,3 @@ def sensitivities(inputs: RangeInputs, step: float = 1e-5) -> dict[str, float]:
         pair = np.asarray(cor_from_range(replace(inputs, **{name: np.array([low, high])})))
         result[name] = float((pair[1] - pair[0]) / (high - low))
     return result
-
-
-def propagate_cor(inputs: RangeInputs, stds: dict[str, float]) -> Quantity:
-    """E with its uncertainty by linear propagation, one budget line per input (GUM, 5.1.2).
-
-    Parameters
-    ----------
-    inputs : RangeInputs
-        Floats.
-    stds : dict of str to float
-        Standard uncertainty by field name, in the field's unit; others are exact.
-
-    Returns
-    -------
-    Quantity
-        ``cor_range``.
-
-    Raises
-    ------
-    DomainError
-        For a name that is not an input.
-    """
-    names = {f.name for f in fields(inputs)}
-    if unknown := set(stds) - names:
-        raise DomainError(f"{sorted(unknown)} are not inputs of Eq. 17, which are {sorted(names)}")
-    slopes = sensitivities(inputs)
-    budget = tuple(
-        Contribution(UncertaintySource(name.replace("_", " ")), abs(slopes[name]) * std)
-        for name, std in stds.items()
-    )
-    return Quantity.measured("cor_range", float(cor_from_range(inputs)), "1", budget)
-
-
-def monte_carlo_cor(
-    inputs: RangeInputs, stds: dict[str, float], *, draws: int = 10_000, seed: int = 1
-) -> FloatArray:
-    """Draws of e with every input normally distributed (GUM supplement 1).
-
-    Parameters
-    ----------
-    inputs : RangeInputs
-        Floats.
-    stds : dict of str to float
-        As in `propagate_cor`.
-    draws : int
-    seed : int
-
-    Returns
-    -------
-    (draws,) array
-    """
-    generator = np.random.default_rng(seed)
-    drawn = {
-        name: generator.normal(float(getattr(inputs, name)), std, draws)
-        for name, std in stds.items()
-    }
-    return np.array(np.broadcast_to(cor_from_range(replace(inputs, **drawn)), (draws,)))

@@ -38,10 +38,6 @@ TILE = 256
 
 """px, side of the tile that a rough surface repeats: more than most pictures show of it at once."""
 
-PATCHES = 12
-
-"""Patches of the ball, as a football's pentagons: wherever it turns, some are seen."""
-
 
 @lru_cache(maxsize=8)
 def _tile(seed: int, grain: float) -> FloatArray:

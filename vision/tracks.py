@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +20,11 @@ __all__ = [
     "PendulumTrack",
     "Rest",
     "Track",
-    "TrackedFeature",
     "Tracks",
     "find_rest",
 ]
 
 FloatArray = NDArray[np.float64]
-TrackedFeature = Literal["outline", "edge", "centre"]
 
 
 class MotionKind(Enum):

@@ -79,9 +79,6 @@ SURE = 0.5
 HARDLY = 1.0
 """Chi-square gain below which held-out trials do not fit better."""
 
-NOISE_P = 1e-3
-"""p-value of whiteness below which residuals are not noise."""
-
 
 def contradictions(raw: Mapping[str, Any]) -> list[str]:
     """Statements in the JSON of a verdict that contradict each other.

@@ -488,8 +488,6 @@ class Effect:
         Free parameters of the law.
     form : str
         Which of several laws with the same id; "" if there is one.
-    confusable : tuple of str
-        Effects that are often mistaken for it; the engine tests at run time which of them are.
     separating : str
         The measurement that distinguishes it from those.
     requires : tuple of str
@@ -524,7 +522,6 @@ class Effect:
     phase: Phase
     parameters: tuple[Parameter, ...]
     form: str = ""
-    confusable: tuple[str, ...] = ()
     separating: str = ""
     requires: tuple[str, ...] = field(default=())
     certain: bool = False

@@ -72,7 +72,6 @@ class Drag(Effect):
             meaning="replaces the model's value",
         ),
     )
-    confusable: tuple[str, ...] = ("wind", "drag_crisis", "length_scale", "time_base")
     separating: str = "the same ball at a clearly different launch speed, over a longer flight"
     certain: bool = True
     looseness: float = 0.05
@@ -162,7 +161,6 @@ class DragCrisis(Effect):
         ),
         Parameter("width", "1", 0.1, 0.02, 0.5, grid=(0.06, 0.2), meaning="relative to it"),
     )
-    confusable: tuple[str, ...] = ("drag", "wind", "unnamed")
     separating: str = "launch speeds on both sides of the critical speed"
     requires: tuple[str, ...] = ("drag",)
     looseness: float = 0.3
@@ -237,7 +235,6 @@ class DensityLapse(Effect):
             expected=1.05e-4,
         ),
     )
-    confusable: tuple[str, ...] = ("drag", "drag_crisis")
     separating: str = "flights through the same speeds at another height"
     requires: tuple[str, ...] = ("drag",)
     looseness: float = 0.02
@@ -269,7 +266,6 @@ class Magnus(Effect):
     source: str = "Magnus 1852; Robinson and Robinson, Phys. Scr. 88, 018101 (2013)"
     phase: Phase = "flight"
     parameters: tuple[Parameter, ...] = (_spin("spin", "counter-clockwise: back-spin"),)
-    confusable: tuple[str, ...] = ("buoyancy", "asymmetric_wake", "time_base")
     separating: str = "a mark on the ball that shows its spin"
     looseness: float = 0.15
     axes: int = 2
@@ -318,7 +314,6 @@ class SpinDecay(Effect):
     parameters: tuple[Parameter, ...] = (
         Parameter("decay_rate", "1/s", 1.0, 0.0, 20.0, meaning="inverse time constant"),
     )
-    confusable: tuple[str, ...] = ("magnus",)
     separating: str = "a mark on the ball that shows its spin over the whole flight"
     requires: tuple[str, ...] = ("magnus",)
     looseness: float = 0.2
@@ -371,7 +366,6 @@ class Wind(Effect):
     parameters: tuple[Parameter, ...] = (
         Parameter("wind_x", "m/s", 0.5, -15.0, 15.0, meaning="positive with the ball"),
     )
-    confusable: tuple[str, ...] = ("drag", "drag_crisis", "unnamed")
     separating: str = "one shot in the opposite direction, or one drop from rest"
     requires: tuple[str, ...] = ("drag",)
     looseness: float = 0.15
@@ -431,7 +425,6 @@ class Buoyancy(Effect):
     parameters: tuple[Parameter, ...] = (
         Parameter("fraction", "1", 1.0, 0.0, 4.0, meaning="1 for Archimedes' value"),
     )
-    confusable: tuple[str, ...] = ("magnus", "time_base", "length_scale", "asymmetric_wake")
     separating: str = "one drop from rest of this ball next to a small dense one"
     looseness: float = 0.1
     by_air: bool = True
@@ -455,7 +448,6 @@ class AsymmetricWake(Effect):
     parameters: tuple[Parameter, ...] = (
         Parameter("side_coefficient", "1", 0.1, -0.8, 0.8, meaning="positive lifts the ball"),
     )
-    confusable: tuple[str, ...] = ("magnus", "buoyancy")
     separating: str = "the same ball turned by half a turn on its support"
     looseness: float = 0.2
     axes: int = 2

@@ -135,7 +135,6 @@ class VelocityDependentCor(Effect):
         Parameter("slope", "s/m", 0.02, -0.3, 0.3, meaning="change of e per speed"),
     )
     form: str = Form.LINEAR
-    confusable: tuple[str, ...] = ("support_friction", "drag", "effective_mass")
     separating: str = "pendulum speeds before and after contact at three or more impact speeds"
     looseness: float = 0.2
 
@@ -200,7 +199,6 @@ class EffectiveMass(Effect):
         ),
     )
     form: str = Form.ARM
-    confusable: tuple[str, ...] = ("camera_roll", "backswing_offset", "pivot_recoil")
     separating: str = "pendulum speeds before and after contact, with a ball of another mass"
     looseness: float = 0.15
 
@@ -305,7 +303,6 @@ class ObliqueImpact(Effect):
     parameters: tuple[Parameter, ...] = (
         Parameter("offset", "m", 0.002, -0.08, 0.08, meaning="above the centre is positive"),
     )
-    confusable: tuple[str, ...] = ("camera_roll", "support_recoil")
     separating: str = "a plumb line in view, and a mark that shows spin"
     looseness: float = 0.25
 
@@ -428,7 +425,6 @@ class SupportFriction(Effect):
         Parameter("friction_coefficient", "1", 0.3, 0.0, 3.0, meaning="ball on support"),
     )
     form: str = Form.WHOLE_CONTACT
-    confusable: tuple[str, ...] = ("velocity_dependent_cor", "pivot_recoil")
     separating: str = "a launch off a slippery support (a sheet of PTFE)"
     looseness: float = 0.4
 
@@ -501,7 +497,6 @@ class ContactDisplacement(Effect):
     parameters: tuple[Parameter, ...] = (
         Parameter("relative_change", "1", 0.1, -2.0, 5.0, meaning="of the way during contact"),
     )
-    confusable: tuple[str, ...] = ("origin_offset", "dropped_frames")
     separating: str = "more frames during contact (higher capture rate)"
     looseness: float = 0.3
 
@@ -525,7 +520,6 @@ class PivotRecoil(Effect):
     parameters: tuple[Parameter, ...] = (
         Parameter("lost_share", "1", 0.02, 0.0, 0.5, meaning="of ball's and pendulum's speeds"),
     )
-    confusable: tuple[str, ...] = ("effective_mass", "bearing_friction", "velocity_dependent_cor")
     separating: str = "the pivot in view, or an accelerometer on the frame"
     looseness: float = 0.25
 
@@ -558,7 +552,6 @@ class SupportRecoil(Effect):
         Parameter("vertical_share", "1", 0.02, -0.5, 0.5, meaning="vertical speed gained"),
     )
     form: str = Form.OF_IMPACT_SPEED
-    confusable: tuple[str, ...] = ("oblique_impact", "camera_roll")
     separating: str = "the support in view at contact, or a launch off a soft support"
     looseness: float = 0.3
 

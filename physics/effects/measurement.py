@@ -112,7 +112,6 @@ class TimeBase(Effect):
             outliers=WRONG_RATES,
         ),
     )
-    confusable: tuple[str, ...] = ("length_scale", "buoyancy", "drag")
     separating: str = CLOCK
     looseness: float = 0.02
     levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.SESSION)
@@ -145,7 +144,6 @@ class LengthScale(Effect):
         ),
     )
     form: str = Form.ABOUT_THE_ORIGIN
-    confusable: tuple[str, ...] = ("time_base", "parallax", "drag")
     separating: str = RULER
     looseness: float = 0.03
     levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.SESSION)
@@ -185,7 +183,6 @@ class CameraRoll(Effect):
         ),
     )
     form: str = Form.ABOUT_THE_ORIGIN
-    confusable: tuple[str, ...] = ("oblique_impact", "effective_mass", "support_recoil")
     separating: str = PLUMB
     looseness: float = 0.03
     levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.SESSION)
@@ -251,7 +248,6 @@ class Parallax(Effect):
         ),
         *OPTICAL_AXIS,
     )
-    confusable: tuple[str, ...] = ("length_scale", "time_base", "origin_offset")
     separating: str = RULER
     looseness: float = 0.05
     axes: int = 2
@@ -284,7 +280,6 @@ class LensDistortion(Effect):
         Parameter("radial", "1/m^2", 0.005, -0.3, 0.3, meaning="positive: pincushion"),
         *OPTICAL_AXIS,
     )
-    confusable: tuple[str, ...] = ("parallax", "length_scale", "drag", "rolling_shutter")
     separating: str = "a picture of a grid with this lens"
     looseness: float = 0.15
     axes: int = 2
@@ -319,7 +314,6 @@ class RollingShutter(Effect):
     parameters: tuple[Parameter, ...] = (
         Parameter("delay", "s/m", 0.002, -0.2, 0.2, meaning="later per metre downward"),
     )
-    confusable: tuple[str, ...] = ("camera_roll", "time_base", "lens_distortion")
     separating: str = "a flash of light in view, or the same flight with the camera upside down"
     looseness: float = 0.02
     axes: int = 2
@@ -353,7 +347,6 @@ class OriginOffset(Effect):
         Parameter("offset_x", "m", 0.005, -2.0, 2.0, meaning="along the wall"),
         Parameter("offset_y", "m", 0.005, -2.0, 2.0, meaning="upward"),
     )
-    confusable: tuple[str, ...] = ("contact_displacement", "parallax")
     separating: str = "the ball at rest in view together with the wall scale"
     looseness: float = 0.0
     levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.SESSION)
@@ -516,7 +509,6 @@ class DroppedFrames(Effect):
             over=Extent.RECORD_TIME,
         ),
     )
-    confusable: tuple[str, ...] = ("time_base", "contact_displacement", "drag")
     separating: str = CLOCK
     looseness: float = 0.05
     coordinate: Coordinate = Coordinate.TIME

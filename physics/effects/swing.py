@@ -55,7 +55,6 @@ class BearingFriction(Effect):
         ),
     )
     form: str = Form.CONSTANT_TORQUE
-    confusable: tuple[str, ...] = ("viscous_damping", "pendulum_drag", "backswing_offset")
     separating: str = "a free swing over many periods: amplitude falls linearly under dry friction"
     looseness: float = 0.2
     levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.SESSION)
@@ -221,7 +220,6 @@ class ViscousDamping(Effect):
             in_units_of=Size.PENDULUM_TORQUE,
         ),
     )
-    confusable: tuple[str, ...] = ("bearing_friction", "pendulum_drag")
     separating: str = "a free swing over many periods: amplitude falls exponentially"
     looseness: float = 0.1
     levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.SESSION)
@@ -273,7 +271,6 @@ class PendulumDrag(Effect):
             width_in=Size.BOARD,
         ),
     )
-    confusable: tuple[str, ...] = ("bearing_friction", "viscous_damping")
     separating: str = "a free swing over many periods from a large angle"
     looseness: float = 0.1
     levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.SESSION)
@@ -316,7 +313,6 @@ class BackswingOffset(Effect):
     parameters: tuple[Parameter, ...] = (
         Parameter("offset", "rad", 0.01, -0.3, 0.3, meaning="added to every reading"),
     )
-    confusable: tuple[str, ...] = ("bearing_friction", "viscous_damping", "effective_mass")
     separating: str = "a plumb line in view, or the start of the swing in view"
     looseness: float = 0.0
     levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.SESSION)

@@ -27,10 +27,8 @@ FloatImage = NDArray[np.float32]
 Circle = tuple[float, float, float, float, float]
 
 # Outlines whose covered parts differ by less are as complete.
-_AS_COMPLETE = 0.15
 
 # A rim that changed by less than this part of the middle is blur.
-_FAINT_SHARE = 0.25
 
 
 def rank(circle: Circle) -> float:
@@ -70,7 +68,6 @@ _FEWEST_EDGES = 8
 
 # A change of so many units of noise is a change for certain; how strong it is no longer counts, so
 # that a ball's panels and its shading vanish, and its outline stays.
-_CHANGED = 12.0
 
 # A level of fewer pixels than this is searched whole.
 _SMALL_LEVEL = 20_000
@@ -111,13 +108,6 @@ disc, supposed."""
 _FEWEST_STREAK_PIXELS, _WIDTH = 20, 0.98
 """Pixels of a streak at least; share of them that is nearer to its line than its radius."""
 
-_MOST_PIECES = 96
-"""Pieces of what changed that are looked at as wholes: four times as many as candidates go on."""
-_HALF_OPEN = 0.72
-"""Coverage of the end of a streak at most: half a rim, and what chance adds to it."""
-
-_STREAK_COVERAGE = 0.9
-"""Coverage of a perfect streak: less than a whole outline's, which is seen more sharply."""
 
 _SQUARE_WITHIN = math.sqrt(0.5)
 """Radii: half the side of the square within a circle."""

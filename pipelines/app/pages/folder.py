@@ -30,9 +30,6 @@ _INPUTS = (
     ("wall_grid", "wall_grid", "50 mm"),
 )
 
-_SERIES = (("counts", True, COLOURS[0]), ("excluded", False, "transparent"))
-"""Key of the name, whether the trials count, and their colour."""
-
 
 def cor_options(state: FolderState, say: Say) -> dict[str, Any]:
     """ECharts options of restitution against impact speed."""

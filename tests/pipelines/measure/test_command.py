@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 import sample_videos
-from metrology import ClipError, SetupError, UnitError, parse_quantity, parse_with_uncertainty
+from metrology import ClipError, SetupError, UnitError, parse_measured, parse_quantity
 from pipelines.cli import app
 from pipelines.measure.budget import Propagation
 from pipelines.measure.chain import MeasureOptions
@@ -251,7 +251,7 @@ def test_quantities_are_parsed_with_their_uncertainty() -> None:
     assert parse_quantity("50mm", "m") == pytest.approx(0.05)
     assert parse_quantity("1/2000 s", "s") == pytest.approx(0.0005)
     assert parse_quantity("26 degC", "kelvin") == pytest.approx(299.15)
-    assert parse_with_uncertainty("4.00 m ± 5 mm", "m", 1.0) == pytest.approx((4.0, 0.005))
+    assert parse_measured("4.00 m ± 5 mm", "m") == pytest.approx((4.0, 0.005))
 
 
 def test_a_slip_in_the_setup_names_the_nearest_key() -> None:
