@@ -453,10 +453,13 @@ def report_input(measured: ClipMeasurement, clip: ClipReader | None) -> ReportIn
         ("picture", f"{info.width} × {info.height} px, {info.frames} frames, {info.codec}"),
         ("capture rate", f"{measured.rate.fps:g} fps ({measured.rate.source})"),
     )
+    main = [str(name) for name in main_quantities(measured.motion.measured_as)]
+    every = (*measured.quantities, *measured.other_speeds, measured.gravity)
+    place = {name: number for number, name in enumerate(main)}
     base = ReportInput(
         title=f"Measurement of {printable(Path(info.path).name)}",
         facts=facts,
-        quantities=(*measured.quantities, *measured.other_speeds, measured.gravity),
+        quantities=tuple(sorted(every, key=lambda one: place.get(one.name, len(place)))),
         checks=measured.checks,
         warnings=measured.warnings,
         version=software_version(),
@@ -464,9 +467,10 @@ def report_input(measured: ClipMeasurement, clip: ClipReader | None) -> ReportIn
         seen=_seen(measured.tracks),
     )
     if clip is not None:
-        base = replace(
-            base, still_png=png_bytes(overlay_still(clip, measured.tracks, overlay_marks(measured)))
-        )
+        marks = overlay_marks(measured)
+        frame = None if marks.contact is None else marks.contact[0]
+        still = overlay_still(clip, measured.tracks, marks, frame=frame)
+        base = replace(base, still_png=png_bytes(still))
     if impact is None or (
         measured.calibration is None and measured.quantity("ball_speed").value is None
     ):

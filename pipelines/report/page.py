@@ -23,6 +23,9 @@ __all__ = [
     "write_report",
 ]
 
+MAX_MAIN_ROWS = 5
+"""Results at the top of the page (chosen: they fit next to the picture); all are folded below."""
+
 _CELL = """<div style="max-width:60rem">
 {% if title %}<div><b>{{ title }}</b></div>{% endif %}
 {% for warning in warnings %}<div style="border-left:4px solid #b03a00;padding:.1rem .6rem;
@@ -136,6 +139,7 @@ def report_html(report: ReportInput, panels: "Sequence[Panel]" = ()) -> str:
     common = _common_reasons(rows)
     return environment.from_string(source).render(
         report=report,
+        main=[row for row in rows if row.value][:MAX_MAIN_ROWS],
         rows=[row for row in rows if row.reason not in common],
         shared_reasons=common,
         plots=plots,

@@ -34,6 +34,15 @@ def test_results_with_uncertainty_unit_and_interval(page):
     assert "not measured: the ball leaves the frame at 0.31 s" in text
 
 
+def test_five_results_and_the_picture_come_first_and_the_rest_is_folded(page):
+    first = page.split("<body>")[1].partition("<details")[0]
+    assert 1 < first.count("<b>") <= 5
+    assert "± 0.0097 m/s" in first
+    assert "data:image/png" in first
+    assert "95 % interval" not in first
+    assert page.index("<summary>All results") < page.index("95 % interval (k = 2)")
+
+
 def test_a_reason_that_several_share_is_told_once_with_all_their_names():
     shared = "it needs a swing, and what is seen is a <strike>"
     names = ("swing_period", "swing_damping")
