@@ -4,7 +4,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from threading import Condition, Thread
+from threading import Condition, Lock, Thread
 
 import cv2
 import numpy as np
@@ -21,6 +21,9 @@ MAX_SHOWN_WIDTH = 1920
 
 MAX_STORED_BYTES = 2_000_000_000
 """Size of the temporary file at which decoding stops, bytes (chosen: 20,000 frames of 100 kB)."""
+
+MAX_NEAR_FRAMES = 50
+"""Frames ahead of decoding up to which it is waited for (chosen: decoded in 0.2 s)."""
 
 _QUALITY = [int(cv2.IMWRITE_JPEG_QUALITY), 88]
 
@@ -49,6 +52,10 @@ class FrameStore:
         self._places: list[tuple[int, int]] = []
         self._changed = Condition()
         self._ended = False
+        self._clip: ClipReader | None = None
+        self._ahead: Iterator[NDArray[np.uint8]] = iter(())
+        self._next_ahead = -1
+        self._seeking = Lock()
         Thread(target=self._work, daemon=True).start()
 
     @property
@@ -63,6 +70,8 @@ class FrameStore:
 
     def jpeg(self, index: int, wait_s: float = 0.0) -> bytes | None:
         """A frame; None if it is not there after `wait_s`, or does not exist."""
+        if index > len(self._places) + MAX_NEAR_FRAMES and (sought := self._sought(index)):
+            return sought
         until = time.monotonic() + wait_s
         with self._changed:
             while index >= len(self._places) and not self._ended:
@@ -74,6 +83,17 @@ class FrameStore:
             start, size = self._places[index]
             self._file.seek(start)
             return self._file.read(size)
+
+    def _sought(self, index: int) -> bytes | None:
+        """A frame that is not decoded yet; None where it can't be found by its time stamp."""
+        with self._seeking:
+            if self._clip is None or self._ended:
+                return None
+            if index != self._next_ahead:
+                self._ahead = self._clip.sought_frames(index)
+            self._next_ahead = index + 1
+            image = next(self._ahead, None)
+            return None if image is None else _encoded(image)
 
     def wait_until_open(self, wait_s: float) -> bool:
         """Wait for the clip's properties, or for the reason why there are none."""
@@ -92,6 +112,7 @@ class FrameStore:
         try:
             # a clip of one frame is shown, though nothing can be measured in it
             clip = ClipReader.open(self.path, least_frames=1)
+            self._clip = clip
             self._tell(clip.info)
             for image in self._shown(clip):
                 if not self._add(image):

@@ -338,6 +338,22 @@ class VideoFile:
                 yield VideoPicture(index, time - zero, frame, self.mosaic)
                 index += 1
 
+    def pictures_from(self, index: int) -> Iterator[VideoPicture]:
+        """Decode from the key frame before a picture; none where stamps do not identify it."""
+        packets, stamps = self.packets, self.packets.times.stamps
+        if self._by_order or not packets.stamped or packets.edited_out or index >= len(stamps):
+            return
+        with self._opened() as (container, stream):
+            container.seek(int(stamps[index]), stream=stream)
+            for frame in self._decoded(container, stream):
+                known = np.flatnonzero(stamps == frame.pts)
+                if not len(known) or known[0] > index:
+                    return
+                if known[0] == index:
+                    seconds = float(packets.times.seconds[index])
+                    yield VideoPicture(index, seconds, frame, self.mosaic)
+                    index += 1
+
     @property
     def times_s(self) -> NDArray[np.float64]:
         """Time of every picture from its packet's stamp, s, 0 at the first."""
@@ -1067,6 +1083,15 @@ class ClipReader:
             if bottom is not None:
                 image = separate_field(image, bottom)
             yield index, self._turned(image)
+
+    def sought_frames(self, start: int) -> Iterator[NDArray[np.uint8]]:
+        """Yield colour images of the frames from `start`, without decoding all before it.
+
+        Nothing is yielded where frames and stored pictures are not the same.
+        """
+        if isinstance(self._source, VideoFile) and self.info.weave == "progressive":
+            for picture in self._source.pictures_from(start):
+                yield self._turned(picture.colour())
 
     def _turned(self, image: NDArray[Any]) -> NDArray[Any]:
         return image if self._upright == Upright() else self._upright.apply(image)

@@ -1,6 +1,9 @@
 """Frames for the viewer: each is the clip's own, and what can't be read is a sentence."""
 
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
+from threading import Event
 
 import cv2
 import numpy as np
@@ -8,7 +11,8 @@ import pytest
 
 from pipelines.app import frames
 from pipelines.app.frames import FrameStore
-from tests.pipelines.app.small import falling
+from tests.pipelines.app.small import CLIP, falling
+from vision.clip.clip import ClipReader
 
 
 def _levels(content: bytes | None) -> np.ndarray:
@@ -30,6 +34,31 @@ def test_any_frame_is_the_one_asked_for(tmp_path: Path) -> None:
     assert store.jpeg(-1) is None
     store.close()
     assert store.jpeg(0) is None
+
+
+def test_a_frame_far_ahead_is_sought_and_is_the_one_asked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clip = CLIP.with_name("basketball_60.mp4")
+    own = dict(ClipReader.open(clip).colour_frames())
+    go_on, plain = Event(), FrameStore._shown
+
+    def slow(store: FrameStore, reader: ClipReader) -> Iterator[bytes]:
+        yield from islice(plain(store, reader), 1)
+        go_on.wait(60.0)
+
+    monkeypatch.setattr(FrameStore, "_shown", slow)
+    store = FrameStore(clip)
+    assert store.wait_until_open(20.0)
+    for index in (200, 201, 290, 77):
+        content = np.frombuffer(store.jpeg(index) or b"", np.uint8)
+        shown = np.asarray(cv2.imdecode(content, cv2.IMREAD_COLOR), float)
+        near = {other: np.abs(shown - own[other]).mean() for other in (index - 1, index)}
+        assert near[index] < min(2.0, near[index - 1])
+    assert store.jpeg(292) is None
+    assert store.ready <= 1
+    go_on.set()
+    store.close()
 
 
 def test_a_large_picture_is_reduced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
