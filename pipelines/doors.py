@@ -44,6 +44,7 @@ __all__ = [
     "GridOption",
     "JobsOption",
     "JsonOption",
+    "KindOption",
     "MassAtOption",
     "NamedBallOption",
     "NoCacheOption",
@@ -353,6 +354,10 @@ BallAtOption = Annotated[
 ]
 MassAtOption = Annotated[
     str | None, typer.Option("--mass-at", metavar="X,Y[,FRAME]", help="A point on the mass, px.")
+]
+KindOption = Annotated[
+    str | None,
+    typer.Option("--kind", metavar="KIND", help="Kind of motion, if the one found is wrong."),
 ]
 CsvOption = Annotated[
     Path | None, typer.Option("--csv", help="Write results as CSV."), FileRole.WRITES

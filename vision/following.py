@@ -58,6 +58,7 @@ def follow(
     ball_at: Point | None = None,
     mass_at: Point | None = None,
     given: "GivenObjects | None" = None,
+    kind: MotionKind | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Tracks:
     """Find and follow the ball and the pendulum mass through a clip.
@@ -74,6 +75,8 @@ def follow(
         The same for the pendulum mass, just before contact.
     given : GivenObjects, optional
         A corrected table, which takes the place of detecting, or of detecting and linking.
+    kind : MotionKind, optional
+        The kind of motion, where the automatic one is wrong.
     progress : callable, optional
         Called with the part done, 0 to 1.
 
@@ -94,7 +97,7 @@ def follow(
     for looks_left in range(_MAX_BREAKS, -1, -1):
         footage = recording.footage
         tracks, scene, seen = _followed_in(
-            recording, capture_fps, ball_at, mass_at, given, progress
+            recording, capture_fps, ball_at, mass_at, given, kind, progress
         )
         others = [other.track for other in tracks.others]
         lost = lost_frames(seen, others, tracks.pendulum)
@@ -301,6 +304,7 @@ def _followed_in(
     ball_at: Point | None,
     mass_at: Point | None,
     given: "GivenObjects | None",
+    kind: MotionKind | None,
     progress: Callable[[float], None] | None,
 ) -> tuple[Tracks, FilmedScene, Track]:
     """Follow ball and pendulum through a recording; the scene, and every place the ball is seen.
@@ -341,7 +345,7 @@ def _followed_in(
     others = _others(scene, found, came, capture_fps)
     beside = others[0].track if came is not None else None
     pendulum = _pendulum(striker, rest, capture_fps)
-    motion = interpret_tracks(ball, pendulum, beside)
+    motion = interpret_tracks(ball, pendulum, beside, kind)
     # a kind is right only if the object is
     motion = replace(motion, probability=motion.probability * found.probability)
     if motion.kind is MotionKind.SWING:

@@ -286,6 +286,7 @@ def measure(
     cache: bool = True,
     scale: Given | None = None,
     every: int = 1,
+    kind: str | None = None,
     tracklets: object = None,
 ) -> Measurement:
     """Measure one clip.
@@ -311,6 +312,8 @@ def measure(
         wall is then not calibrated.
     every : int
         Read only every n-th picture of a long fast recording; the times stay those of the camera.
+    kind : str, optional
+        The kind of motion ("drop", "swing", …), where the one found is wrong.
     tracklets : DataFrame or path, optional
         `Measurement.tracklets`, corrected: the rows with 1 in the column `measured` are followed.
 
@@ -335,7 +338,11 @@ def measure(
     ball_speed: 5.2012 ± 0.0093 m/s
     """
     options = measure_options(
-        setup, fps, ball, wall_grid, ball_at, mass_at, cache=cache, scale=scale, every=every
+        *(setup, fps, ball, wall_grid, ball_at, mass_at),
+        cache=cache,
+        scale=scale,
+        every=every,
+        kind=kind,
     )
     if tracklets is not None:
         options = replace(options, corrected=_corrected(tracklets))

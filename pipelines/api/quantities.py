@@ -24,6 +24,7 @@ from pipelines.measure.files import column_of, without_formulas
 from pipelines.report.inputs import quantity_label, quantity_text
 from pipelines.report.page import results_html
 from pipelines.setup.file import Setup, load_setup
+from vision.tracks import MotionKind
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -287,12 +288,13 @@ def measure_options(
     scale: Given | None = None,
     budget: Propagation = Propagation.RESPONSE,
     every: int = 1,
+    kind: str | None = None,
 ) -> MeasureOptions:
     """Options of the measuring chain, each checked before any work.
 
     `cache` allows reading and writing earlier results. `scale` is that of the plane of motion (bare
     numbers: m/px) and takes precedence over the wall of the setup. `budget` selects how effects of
-    the inputs are propagated. `every` reads every n-th picture only.
+    the inputs are propagated. `every` reads every n-th picture only. `kind` is the kind of motion.
 
     Raises
     ------
@@ -319,7 +321,17 @@ def measure_options(
         budget=budget,
         cache=cache,
         every=every,
+        kind=None if kind is None else _kind_from(kind),
     )
+
+
+def _kind_from(text: str) -> MotionKind:
+    kinds = [one.value for one in MotionKind if one is not MotionKind.NONE]
+    if text not in kinds:
+        raise UsageError(
+            f"--kind {text!r} is no kind of motion", hint=f"One of {', '.join(kinds)}."
+        )
+    return MotionKind(text)
 
 
 def length_text(length: Given | None) -> str | None:

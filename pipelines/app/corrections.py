@@ -57,7 +57,7 @@ class ClipInputs(TypedInputs):
 
     Attributes
     ----------
-    fps, ball, wall_grid, scale, setup : str
+    fps, ball, wall_grid, scale, setup, kind : str
         Arguments of `vision measure`.
     """
 
@@ -66,6 +66,7 @@ class ClipInputs(TypedInputs):
     wall_grid: str = ""
     scale: str = ""
     setup: str = ""
+    kind: str = ""
 
 
 @dataclass(frozen=True)

@@ -173,8 +173,8 @@ def tracked_once(
         Does the tracking.
     """
     kept = Cache.of_user(wanted=options.cache)
-    given = (capture_fps, options.ball_at, options.mass_at, clip.info.every, options.corrected)
-    key = kept.key("tracks", clip.info.sha256, *given)
+    given = (options.ball_at, options.mass_at, clip.info.every, options.corrected, options.kind)
+    key = kept.key("tracks", clip.info.sha256, capture_fps, *given)
     found = kept.get(key)
     if isinstance(found, FollowedTracks):
         return replace(found, info=replace(found.info, path=clip.info.path))
@@ -200,7 +200,8 @@ class MeasureOptions:
     `scale_m_per_px` is a scale in the plane of motion with its standard uncertainty, m/px; with it
     the wall is not calibrated. `joint_rate` is used where no rate is given. `wanted` names the
     quantities to evaluate, with everything their uncertainties and checks need; None: all. Of
-    `every` n pictures one is read. `corrected` takes the place of what is found in the clip.
+    `every` n pictures one is read. `corrected` takes the place of what is found in the clip, `kind`
+    that of the most probable kind of motion.
     """
 
     setup: Setup = field(default_factory=Setup)
@@ -217,6 +218,7 @@ class MeasureOptions:
     wanted: tuple[str, ...] | None = None
     every: int = 1
     corrected: GivenObjects | None = None
+    kind: MotionKind | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -345,6 +347,7 @@ def measure_clip(
             ball_at=options.ball_at,
             mass_at=options.mass_at,
             given=options.corrected,
+            kind=options.kind,
             progress=lambda part: report("following ball and pendulum", part),
         )
 

@@ -48,6 +48,7 @@ from pipelines.doors import (
     GridOption,
     JobsOption,
     JsonOption,
+    KindOption,
     MassAtOption,
     NoCacheOption,
     OutOption,
@@ -415,6 +416,7 @@ def measure_command(
     wall_grid: GridOption = None,
     ball_at: BallAtOption = None,
     mass_at: MassAtOption = None,
+    kind: KindOption = None,
     csv: CsvOption = None,
     json: JsonOption = None,
     tracks: TracksOption = None,
@@ -458,7 +460,7 @@ def measure_command(
         )
     if out is not None:
         option_texts = [
-            str(word) for word in (fps, ball, wall_grid, ball_at, mass_at, *_asked(wanted))
+            str(word) for word in (fps, ball, wall_grid, ball_at, mass_at, kind, *_asked(wanted))
         ]
         option_texts += ["" if scale is None else scale, str(budget), str(every)]
         option_texts.append("" if setup is None else setup.read_text(encoding="utf-8"))
@@ -479,7 +481,7 @@ def _begin(given: Mapping[str, Any]) -> tuple[WantedFiles, MeasureOptions]:
     named = {one.name for one in fields(WantedFiles)}
     wanted = WantedFiles(**{name: value for name, value in given.items() if name in named})
     how = ("setup", "fps", "ball", "wall_grid", "ball_at", "mass_at", "scale", "budget", "every")
-    chosen = {name: given[name] for name in how}
+    chosen = {name: given[name] for name in (*how, "kind")}
     return wanted, measure_options(**chosen, cache=not given["no_cache"])
 
 
@@ -494,6 +496,7 @@ def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # t
         wall_grid: GridOption = None,
         ball_at: BallAtOption = None,
         mass_at: MassAtOption = None,
+        kind: KindOption = None,
         csv: CsvOption = None,
         json: JsonOption = None,
         tracks: TracksOption = None,

@@ -108,6 +108,7 @@ def interpret(
     *,
     rolls: float = 1.0,
     hangs: bool = False,
+    given: MotionKind | None = None,
 ) -> Interpretation:
     """Which kind of motion a track shows, or a ball with the one that may have struck it.
 
@@ -122,6 +123,9 @@ def interpret(
         centre does not distinguish them.
     hangs : bool
         Whether the striker is known to turn about a pivot above it, so that it is no second ball.
+
+    given : MotionKind, optional
+        The kind to explain the track as; its probability stays that of the track.
 
     Returns
     -------
@@ -148,7 +152,7 @@ def interpret(
     elif striker is None:
         # and another ball hit it
         shares = _without(shares, (MotionKind.COLLISION,))
-    kind = max(shares, key=lambda name: shares[name])
+    kind = given or max(shares, key=lambda name: shares[name])
     segments, down = _segments(one, kind)
     events = list(events_between(segments, down)) if kind is not MotionKind.CIRCLE else []
     main = _main(kind, segments)

@@ -6,13 +6,16 @@ import numpy as np
 
 from vision.motions.kinds import interpret
 from vision.motions.models import Observations
-from vision.tracks import Motion, PendulumTrack, Track
+from vision.tracks import Motion, MotionKind, PendulumTrack, Track
 
 __all__ = ["interpret_tracks"]
 
 
 def interpret_tracks(
-    ball: Track, pendulum: PendulumTrack | None = None, striker: Track | None = None
+    ball: Track,
+    pendulum: PendulumTrack | None = None,
+    striker: Track | None = None,
+    given: MotionKind | None = None,
 ) -> Motion:
     """Determine what happens to a ball.
 
@@ -24,6 +27,8 @@ def interpret_tracks(
         The pendulum that came to it.
     striker : Track, optional
         Another object that came to it, where no pendulum did.
+    given : MotionKind, optional
+        The kind that a person states.
 
     Returns
     -------
@@ -34,12 +39,14 @@ def interpret_tracks(
         _observed(ball),
         None if came is None else _observed(came),
         hangs=pendulum is not None and _hangs(pendulum),
+        given=given,
     )
+    stated = () if given is None else (f"That it is a {given.noun} was given.",)
     ranked = sorted(found.probabilities.items(), key=lambda item: -item[1])
     return Motion(
         found.kind,
         found.probability,
-        found.reasons,
+        (*stated, *found.reasons),
         found.frames,
         tuple(item for item in ranked if item[0] is not found.kind),
         found.gravity_px,

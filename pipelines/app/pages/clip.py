@@ -24,6 +24,9 @@ _INPUTS = (
 )
 """Inputs, the keys of their labels, and an example of each."""
 
+KINDS = ("strike", "flight", "drop", "bounce", "swing", "collision")
+"""Kinds of motion of which quantities are measured."""
+
 
 def standing_text(figure: Figure, say: Say) -> str:
     """How far a number can be trusted, in a sentence."""
@@ -190,7 +193,7 @@ class ClipPage:
         with ui.column().classes("va-card va-hidden-in-print").props("data-test=inputs"):
             with ui.element("h2"):
                 ui.label(say("inputs"))
-            self._fields = {}
+            self._fields: dict[str, Any] = {}
             with ui.element("div").classes("va-form"):
                 for name, key, example in _INPUTS:
                     text = getattr(self.clip.corrections.inputs, name)
@@ -198,6 +201,12 @@ class ClipPage:
                     field.props(f"dense outlined stack-label data-test={name}")
                     field.on("keydown.enter", self._measure)
                     self._fields[name] = field
+                kinds = {"": say("kind_found"), **{name: say(f"kind_{name}") for name in KINDS}}
+                now = self.clip.corrections.inputs.kind
+                choice = ui.select(kinds, value=now, label=say("kind"))
+                choice.props("dense outlined stack-label data-test=kind")
+                choice.on_value_change(self._measure_kind)
+                self._fields["kind"] = choice
             ui.label(say("inputs_note")).classes("va-small")
             with ui.row().classes("items-center gap-2"):
                 button = ui.button(say("measure"), on_click=self._measure)
@@ -270,6 +279,11 @@ class ClipPage:
             self.clip.begin()
         else:
             self.clip.change(asked)
+
+    def _measure_kind(self, event: Any) -> None:
+        # also called when the page shows what undo restored
+        if event.value != self.clip.corrections.inputs.kind:
+            self._measure()
 
     def _reset(self) -> None:
         self.clip.change(Corrections(self.clip.corrections.inputs))

@@ -18,6 +18,7 @@ from pipelines.app.corrections import (
     read_corrections,
     write_corrections,
 )
+from vision.tracks import MotionKind
 
 CLIP = Path("/lab/a strike.mp4")
 
@@ -139,16 +140,17 @@ def test_the_command_and_python_say_what_is_measured(tmp_path: Path) -> None:
     setup = tmp_path / "lab.toml"
     setup.write_text("[camera]\ncapture_fps = 240\n")
     clip = tmp_path / "a strike.mp4"
-    inputs = ClipInputs(fps="600", ball="jokku", wall_grid="50mm", setup="lab.toml")
+    inputs = ClipInputs(fps="600", ball="jokku", wall_grid="50mm", setup="lab.toml", kind="swing")
     corrections = Corrections(inputs, (ObjectMark(3, 10.5, 20.0),), ObjectMark(1, 5.0, 6.0))
     options = options_of(clip, corrections, corrected=False)
     assert (options.fps, options.ball, options.wall_grid) == (600.0, "jokku", "50mm")
     assert (options.ball_at, options.mass_at) == ((10.5, 20.0, 3), (5.0, 6.0, 1))
+    assert options.kind is MotionKind.SWING
     assert options.setup.camera.capture_fps == 240.0
     command = as_command(CLIP, corrections, corrected=False)
     assert command == (
         "vision measure '/lab/a strike.mp4' --fps 600 --ball jokku --wall-grid 50mm"
-        " --setup /lab/lab.toml --ball-at 10.5,20,3 --mass-at 5,6,1"
+        " --setup /lab/lab.toml --kind swing --ball-at 10.5,20,3 --mass-at 5,6,1"
     )
     table = as_command(CLIP, corrections, corrected=True)
     assert "--ball-at" not in table
@@ -164,6 +166,7 @@ def test_a_wrong_input_is_a_sentence(tmp_path: Path) -> None:
         (ClipInputs(fps="fast"), "--fps"),
         (ClipInputs(scale="1 mm/px", wall_grid="50mm"), "both set the scale"),
         (ClipInputs(setup="none.toml"), "none.toml"),
+        (ClipInputs(kind="dance"), "dance"),
     ):
         with pytest.raises(UsageError, match=said):
             options_of(tmp_path / "a.mp4", Corrections(inputs), corrected=False)

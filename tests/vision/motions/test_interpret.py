@@ -281,3 +281,16 @@ def test_a_frequency_beyond_two_frames_a_period_is_no_error() -> None:
     time = np.arange(40.0)
     angle, _ = _angle(np.array([800.0, 0.0, -1.0, 0.5]), time, 39.0)
     assert np.isfinite(angle).all()
+
+
+def test_a_kind_that_was_given_explains_the_track_and_its_probability_stays():
+    path, period = pendulum(30, 3, 300)
+    ball = seen(path, 0.3, np.random.default_rng(4))
+    found, given = interpret(ball), interpret(ball, given=MotionKind.FLIGHT)
+    assert found.kind is MotionKind.SWING
+    assert given.kind is MotionKind.FLIGHT
+    assert given.probabilities == found.probabilities
+    assert given.probability < 0.1
+    again = interpret(ball, given=MotionKind.SWING)
+    assert again.segments[-1].period == pytest.approx(period, rel=0.01)
+    assert again.frames == found.frames
