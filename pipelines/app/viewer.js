@@ -109,6 +109,8 @@ viewer.mode = mode => {
   draw();
 };
 
+viewer.size = () => now ? [now.width, now.height] : [0, 0];
+
 viewer.all = shown => { if (now) { now.all = shown; draw(); } };
 
 viewer.go = frame => {

@@ -1,0 +1,1 @@
+"""Speed, completeness and size of the page in a real browser."""
