@@ -74,21 +74,19 @@ def has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def announce_page(address: str, what: str, *, browser: bool, otherwise: str = "") -> None:
+def announce_page(address: str, *, browser: bool, otherwise: str = "") -> None:
     """Open the browser, or print how to.
 
     Parameters
     ----------
     address : str
-    what : str
-        Name of the page.
     browser : bool
         Whether one is wanted.
     otherwise : str
         What to do without a browser.
     """
     shown = browser and has_display() and webbrowser.open(address)
-    typer.echo(f"The {what} is open at\n  {address}")
+    typer.echo(f"The page is open at\n  {address}")
     if shown:
         typer.echo("Close its window when done, or press Ctrl-C.")
     else:

@@ -28,7 +28,7 @@ from fastapi import FastAPI
 from metrology import ImpactVisionError, UsageError
 from pipelines.processes import Terminated
 
-__all__ = ["GRACE_S", "HOLD", "RELEASE", "SCRIPT", "Guard", "Jobs", "serve_app"]
+__all__ = ["HOLD", "RELEASE", "SCRIPT", "Guard", "Jobs", "serve_app"]
 
 LEAVING_PATH = "/leaving"
 """Path to which a window reports that it is being closed or reloaded."""
@@ -173,8 +173,6 @@ class Guard:
         Drawn at random if not given.
     reload_s : float
         How long a second window waits for the first to close before it is refused, s.
-    what, command : str
-        Name of the page, and the command that starts it, for the refusal.
     """
 
     def __init__(
@@ -184,8 +182,6 @@ class Guard:
         *,
         token: str | None = None,
         reload_s: float = RELOAD_S,
-        what: str = "calibration",
-        command: str = "vision calibrate",
     ) -> None:
         if not 0 < port < 65536:
             raise UsageError(f"{port} is no port", hint="Give 1 to 65535.")
@@ -194,9 +190,8 @@ class Guard:
         self._origins = tuple(f"http://{host}" for host in self._hosts)
         self._token: str | None = token or secrets.token_urlsafe(24)
         self._session = secrets.token_urlsafe(24)
-        self._cookie = f"vision-calibrate-{port}"
+        self._cookie = f"vision-app-{port}"
         self._reload_s = reload_s
-        self._what, self._command = what, command
         self._windows = 0
         self._seen = False
         self._left_at = time.monotonic()
@@ -236,10 +231,10 @@ class Guard:
             await _answer(
                 send,
                 403,
-                f"This address does not open the {self._what}",
+                "This address does not open the page",
                 "Its key is missing or was already used: a key admits one browser, once. Open the "
                 "whole address shown in the terminal. To use another browser, start "
-                f"'{self._command}' again.",
+                "'vision app' again.",
             )
 
     async def _guest(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -259,7 +254,7 @@ class Guard:
             await _answer(
                 send,
                 409,
-                f"The {self._what} is open in another window",
+                "The page is open in another window",
                 "Continue there, or close that window: this one then opens by itself. No work is "
                 "lost.",
                 [(b"refresh", str(RETRY_S).encode())],
@@ -421,8 +416,6 @@ class Jobs:
             return job
 
 
-GRACE_S = 8.0
-"""s without a window after which the program ends (chosen; a reload takes less)."""
 POLL_INTERVAL_S = 0.5
 """s between two checks for open windows (chosen)."""
 
@@ -432,10 +425,8 @@ def serve_app(
     opened: Callable[[str], None],
     *,
     port: int = 0,
-    grace_s: float = GRACE_S,
+    grace_s: float,
     stopper: Callable[[Callable[[], None]], None] = lambda stop: None,
-    what: str = "calibration",
-    command: str = "vision calibrate",
 ) -> None:
     """Serve a page until its window is closed or the program is interrupted.
 
@@ -450,8 +441,6 @@ def serve_app(
         How long the page may stay closed before this returns, s.
     stopper : callable
         Called with a function that stops the server.
-    what, command : str
-        Name of the page, and the command that starts it, for refused windows.
 
     Raises
     ------
@@ -461,7 +450,7 @@ def serve_app(
         If the user interrupts; `Terminated` at SIGTERM.
     """
     listener = _listening(port)
-    guard = Guard(app, listener.getsockname()[1], what=what, command=command)
+    guard = Guard(app, listener.getsockname()[1])
     config = uvicorn.Config(
         guard,
         lifespan="on",

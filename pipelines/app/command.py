@@ -17,8 +17,10 @@ from pipelines.terminal import announce_page, has_display
 
 if TYPE_CHECKING:
     from pipelines.app.campaign import FolderSession
+    from pipelines.app.session import AppSession
+    from pipelines.calibrate.wizard.session import Session
 
-__all__ = ["app_command", "watch_campaign"]
+__all__ = ["app_command", "set_up_clip", "watch_campaign"]
 
 
 def app_command(
@@ -40,7 +42,6 @@ def app_command(
         raise UsageError(f"there is no file {place}", hint="Check the name and the folder.")
     # import here: NiceGUI takes a second, which other commands must not pay
     from pipelines.app.session import AppSession
-    from pipelines.app.shell import serve_page
     from pipelines.app.words import LANGUAGES, users_language
 
     if language is not None and language not in LANGUAGES:
@@ -49,12 +50,7 @@ def app_command(
     session.measurer.start()
     if place is not None:
         session.open_place(place.absolute())
-    try:
-        serve_page(session, partial(announce_page, what="page", browser=browser), port=port)
-    except KeyboardInterrupt as stop:
-        session.end()
-        _leave(143 if isinstance(stop, Terminated) else 130)
-        raise
+    _serve(session, browser, port)
     folder = session.folder_session
     if folder is not None and folder.running:
         typer.echo("The page is closed; the campaign goes on. Ctrl-C stops it, and the same folder")
@@ -64,6 +60,44 @@ def app_command(
         except KeyboardInterrupt:
             _leave(130)
     session.end()
+
+
+def set_up_clip(wizard: "Session", *, browser: bool, port: int) -> None:
+    """Serve the page at Set up until it is closed.
+
+    Parameters
+    ----------
+    wizard : Session
+        The calibration it shows.
+    browser : bool
+        Whether to open the browser.
+    port : int
+        0 for any free one.
+    """
+    from pipelines.app.session import AppSession
+    from pipelines.app.words import users_language
+
+    session = AppSession(users_language())
+    session.set_up(wizard)
+    _serve(session, browser, port, "Without a browser pass all options and --yes. ")
+    written = wizard.written
+    said = "nothing was saved" if written is None else f"wrote {written.setup} and {written.lens}"
+    typer.echo(f"the page was closed; {said}", err=written is None)
+    session.end()
+    if session.jobs.busy:
+        # native code that runs while the interpreter shuts down would crash it
+        _leave(0)
+
+
+def _serve(session: "AppSession", browser: bool, port: int, otherwise: str = "") -> None:
+    from pipelines.app.shell import serve_page
+
+    opened = partial(announce_page, browser=browser, otherwise=otherwise)
+    try:
+        serve_page(session, opened, port=port)
+    except KeyboardInterrupt as stop:
+        session.end()
+        _leave(143 if isinstance(stop, Terminated) else 130)
 
 
 def watch_campaign(out: Path, on_address: Callable[[str], None]) -> "FolderSession":

@@ -289,6 +289,14 @@ class AppSession:
         self.clip.begin()
         return self.clip
 
+    def set_up(self, wizard: "Session") -> None:
+        """Open the clip of a calibration at the page Set up; nothing is measured yet."""
+        self.clip = ClipSession(wizard.answers.scene.info.path, 1, self.measurer)
+        self.clip.wizard, self.page = wizard, "setup"
+        self.jobs.submit("searching for the wall grid", wizard.find_grid)
+        if wizard.answers.rest_px is None:
+            self.jobs.submit("tracking the ball", wizard.look_for_ball)
+
     def end(self) -> None:
         """Stop measuring and remove temporary files."""
         self.measurer.stop()

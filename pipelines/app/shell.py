@@ -214,6 +214,4 @@ def serve_page(
     def take(stop: Callable[[], None]) -> None:
         session.stop = stop
 
-    serve_app(
-        app, opened, port=port, grace_s=grace_s, stopper=take, what="page", command="vision app"
-    )
+    serve_app(app, opened, port=port, grace_s=grace_s, stopper=take)

@@ -1,12 +1,10 @@
 """Commands of `vision calibrate`: wizard, boards, lenses, walls, rates, moves."""
 
 import os
-import sys
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 import cv2
 import numpy as np
@@ -42,15 +40,11 @@ from pipelines.calibrate.wizard.answers import (
 )
 from pipelines.calibrate.wizard.session import Session, lens_for, read_view, with_ball
 from pipelines.doors import FileRole
-from pipelines.processes import Terminated
 from pipelines.setup.file import load_setup, read_setup
-from pipelines.terminal import DefaultCommandGroup, announce_page
+from pipelines.terminal import DefaultCommandGroup
 from vision.clip.clip import ClipReader
 from vision.clip.footage import choose_capture_rate, rate_from_blinking
 from vision.clip.picture import decoded_image
-
-if TYPE_CHECKING:
-    from pipelines.web import Jobs
 
 __all__ = [
     "CALIBRATE_COMMANDS",
@@ -136,7 +130,7 @@ def clip_command(
     browser: _BrowserOption = True,
     port: _PortOption = 0,
 ) -> None:
-    """Calibrate a clip step by step in the browser; write setup.toml and lens.toml.
+    """Calibrate a clip step by step on the page; write setup.toml and lens.toml.
 
     Example: vision calibrate strike.mp4 --wall-grid 50mm --ball jokku --fps 600 --yes
     """
@@ -158,7 +152,10 @@ def clip_command(
     if yes:
         _unattended(session)
     else:
-        _in_browser(session, browser, port)
+        # import here: NiceGUI takes a second, which other commands must not pay
+        from pipelines.app.command import set_up_clip
+
+        set_up_clip(session, browser=browser, port=port)
 
 
 def session_of(
@@ -279,45 +276,6 @@ def _write(session: Session) -> None:
     if session.outlook.std is not None:
         typer.echo(describe_outlook(session))
     typer.echo(f"wrote {written.setup} and {written.lens}")
-
-
-def _in_browser(session: Session, browser: bool, port: int) -> None:
-    # import here: NiceGUI takes a second, which other commands must not pay
-    from pipelines.calibrate.wizard.page import serve
-    from pipelines.web import Jobs
-
-    jobs = Jobs()
-    jobs.submit("searching for the wall grid", session.find_grid)
-    if session.answers.rest_px is None:
-        jobs.submit("tracking the ball", session.look_for_ball)
-
-    opened = partial(
-        announce_page,
-        what="calibration",
-        browser=browser,
-        otherwise="Without a browser pass all options and --yes. ",
-    )
-    try:
-        serve(session, jobs, opened, port=port)
-    except KeyboardInterrupt as stop:
-        _leave(jobs, 143 if isinstance(stop, Terminated) else 130)
-        raise
-    if session.written is None:
-        _say("the page was closed; nothing was saved")
-    else:
-        typer.echo(f"wrote {session.written.setup} and {session.written.lens}")
-    _leave(jobs, 0)
-
-
-def _leave(jobs: "Jobs", code: int) -> None:
-    """Exit immediately if a job is running.
-
-    Native code that runs while the interpreter shuts down would crash it.
-    """
-    if jobs.busy:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(code)
 
 
 def rate_command(

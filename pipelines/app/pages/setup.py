@@ -77,7 +77,7 @@ class SetupPage:
         with ui.column().classes("va-page"):
             if wizard is not None:
                 self._drawn = True
-                WizardPage(wizard, self.jobs, lambda: None, measure=self._measure).build()
+                WizardPage(wizard, self.jobs, self._measure).build()
             elif self.jobs.problem:
                 note = ui.label(self.jobs.problem).classes("va-note bad")
                 note.props("role=alert data-test=problem")
@@ -100,7 +100,9 @@ class SetupPage:
         wizard, now = self.clip.wizard, self.clip.corrections
         if wizard is None or wizard.written is None:
             raise UsageError("nothing is saved yet", hint="Save the set-up first.")
-        asked = Corrections(ClipInputs(setup=wizard.written.setup.name), now.ball, now.mass)
+        setup, folder = wizard.written.setup.absolute(), self.clip.path.parent.absolute()
+        setup = setup.relative_to(folder) if setup.parent == folder else setup
+        asked = Corrections(ClipInputs(setup=str(setup)), now.ball, now.mass)
         if asked == now:
             self.clip.begin()
         else:

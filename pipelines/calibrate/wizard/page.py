@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fastapi import FastAPI, Request, Response
 from nicegui import ui
 from nicegui.events import GenericEventArguments, MouseEventArguments
 from numpy.typing import NDArray
@@ -38,7 +37,6 @@ from pipelines.calibrate.wizard.drawing import (
     Place,
     PlaceRow,
     Places,
-    encoded,
     field,
     grid_lines,
     handles,
@@ -56,12 +54,11 @@ from pipelines.calibrate.wizard.session import (
     with_corners,
     with_grid,
 )
-from pipelines.web import GRACE_S, HOLD, RELEASE, SCRIPT, Jobs, serve_app
+from pipelines.web import HOLD, RELEASE, SCRIPT, Jobs
 
 __all__ = [
     "PANELS",
     "WizardPage",
-    "serve",
 ]
 
 LINES_SHOWN, CHANGES_SHOWN = 5, 5
@@ -137,19 +134,14 @@ class WizardPage:
     ----------
     session : Session
     jobs : Jobs
-    close : callable
-        Ends the program.
-    measure : callable, optional
-        Measures with the saved file, in place of closing.
+    measure : callable
+        Measures with the saved file.
     """
 
-    def __init__(
-        self, session: Session, jobs: Jobs, close: Any, measure: Callable[[], None] | None = None
-    ) -> None:
+    def __init__(self, session: Session, jobs: Jobs, measure: Callable[[], None]) -> None:
         self.session = session
         self.measure = measure
         self.jobs = jobs
-        self.close = close
         self.places = Places(session, jobs)
         self.saving_problem = ""
         self._revision = -1
@@ -259,14 +251,6 @@ class WizardPage:
         self.places.leave()
         self.jobs.problem = self.saving_problem = ""
         self.show()
-
-    def finish(self) -> None:
-        """Show that the wizard is closed, and end the program."""
-        ui.run_javascript(
-            'document.body.innerHTML = \'<p style="font: 18px system-ui; margin: 4rem">'
-            "The calibration is closed. You can close this window.</p>'"
-        )
-        ui.timer(0.3, self.close, once=True)
 
     def show(self) -> None:
         """Redraw everything."""
@@ -538,13 +522,8 @@ def _saving(page: "WizardPage") -> None:
     with ui.row().classes("gap-2"):
         button = ui.button("Save", on_click=save)
         button.props("unelevated no-caps color=teal-9 data-test=save")
-        if page.measure is None:
-            ui.button("Close the wizard", on_click=page.finish).props(
-                "outline no-caps color=teal-9 data-test=close"
-            )
-        else:
-            measure = ui.button("Measure", on_click=page.measure)
-            measure.props("unelevated no-caps color=teal-9 data-test=measure")
+        measure = ui.button("Measure", on_click=page.measure)
+        measure.props("unelevated no-caps color=teal-9 data-test=measure")
 
     @ui.refreshable
     def saved() -> None:
@@ -554,8 +533,7 @@ def _saving(page: "WizardPage") -> None:
 
     def enable() -> None:
         button.set_enabled(session.outlook.calibration is not None and not page.jobs.busy)
-        if page.measure is not None:
-            measure.set_enabled(session.written is not None)
+        measure.set_enabled(session.written is not None)
 
     page.follows(enable)
 
@@ -886,48 +864,3 @@ PANELS: tuple[Callable[["WizardPage"], None], ...] = (
 )
 
 """Each draws the panel of one step."""
-
-
-def serve(
-    session: Session,
-    jobs: Jobs,
-    opened: Callable[[str], None],
-    *,
-    port: int = 0,
-    grace_s: float = GRACE_S,
-) -> None:
-    """Serve the page until its window is closed or the program is interrupted.
-
-    Parameters
-    ----------
-    session : Session
-    jobs : Jobs
-    opened : callable
-        Called with the address once it is served.
-    port : int
-        0 for any free one.
-    grace_s : float
-        Time the page may be closed before the program ends, s.
-
-    Raises
-    ------
-    UsageError
-        If the port is in use.
-    KeyboardInterrupt
-        If the user interrupts.
-    """
-    app = FastAPI(openapi_url=None)
-    stop: list[Callable[[], None]] = []
-    scene = session.answers.scene
-    pictures = {PICTURE_URL: encoded(scene.picture), FIRST_URL: encoded(scene.first)}
-
-    def picture(request: Request) -> Response:
-        return Response(pictures[request.url.path], media_type="image/png")
-
-    def root() -> None:
-        WizardPage(session, jobs, lambda: stop[0]()).build()
-
-    for url in pictures:
-        app.add_api_route(url, picture)
-    ui.run_with(app, root=root, title="Calibration", show_welcome_message=False)
-    serve_app(app, opened, port=port, grace_s=grace_s, stopper=stop.append)

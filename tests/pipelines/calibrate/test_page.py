@@ -112,7 +112,7 @@ def test_every_step_clicked_through_saves_a_setup_that_is_read(
         says(page, "[data-test=length]", "disagrees")
         page.click("[data-test=save]")
         page.wait_for_selector("[data-test=saved]")
-        page.click("[data-test=close]")
+        page.click("[data-test=quit]")
         assert running.process.wait(60) == 0
     setup = load_setup(out)
     assert setup.camera.capture_fps == 600.0

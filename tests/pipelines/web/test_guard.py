@@ -64,7 +64,7 @@ def test_no_token_no_entry() -> None:
     for path in ("/", "/?token=", "/?token=wrong", "/save"):
         assert client(guard).get(path).status_code == 403
     forged = client(guard)
-    forged.cookies.set("vision-calibrate-8123", "forged")
+    forged.cookies.set("vision-app-8123", "forged")
     assert forged.get("/").status_code == 403
     assert client(guard).get(guard.address.removeprefix(HOME)).status_code == 303
 
