@@ -33,6 +33,7 @@ __all__ = [
     "drifting_clock",
     "dropped_in_each",
     "fall_in_g",
+    "in_other_unit",
     "keeps_time",
     "refuse_nonsense",
     "without_odd_trials",
@@ -197,6 +198,30 @@ OTHER_UNITS = (1000.0, 100.0, 0.01, 0.001)
 """Millimetres or centimetres among metres, or the reverse."""
 
 
+def _is_of_units(factor: float) -> bool:
+    return any(0.5 < factor / unit < 2.0 for unit in OTHER_UNITS)
+
+
+def in_other_unit(sizes: FloatArray) -> NDArray[np.bool_]:
+    """Which sizes are a unit's factor above the others, in a group apart from theirs.
+
+    Two groups are apart if what lies between them is a larger factor than either spans.
+
+    Parameters
+    ----------
+    sizes : (n,) array
+        Positive; NaN where missing.
+    """
+    order = np.sort(sizes[np.isfinite(sizes)])
+    if order.size < 2:
+        return np.zeros(sizes.shape, dtype=bool)
+    cut = 1 + int(np.argmax(order[1:] / order[:-1]))
+    low, high = order[:cut], order[cut:]
+    apart = high[0] / low[-1] > max(low[-1] / low[0], high[-1] / high[0])
+    found = apart and _is_of_units(float(np.median(high) / np.median(low)))
+    return np.asarray(found & (sizes >= high[0]))
+
+
 def _refuse_far_off(
     names: Sequence[str], position: FloatArray, predicted: FloatArray, used: NDArray[np.bool_]
 ) -> None:
@@ -224,7 +249,7 @@ def _refuse_far_off(
     if far.any():
         which = ", ".join(names[i] for i in seen[far])
         factor = float(np.median(recorded[far]) / np.median(recorded[~far]))
-        if any(0.5 < factor / unit < 2.0 for unit in OTHER_UNITS):
+        if _is_of_units(factor):
             raise UsageError(
                 f"positions of trial {which} spread {factor:.3g} times as far as those of the"
                 " others, so units seem to differ by row",
@@ -380,7 +405,8 @@ _HINTS = {
     _Odd.CLOCK: "t_s is in seconds, and needs decimals enough to tell one sample from the next.",
     _Odd.FAR: "Positions are in metres and angles in radians.",
     _Odd.STILL: "Each trial needs a moving ball or a swinging pendulum.",
-    _Odd.ROUGH: "Are the rows in order, and is it one trial under each name? Or is it noise alone?",
+    _Odd.ROUGH: "Are the rows in order and of one unit, and is it one trial under each name? Or is"
+    " it noise alone?",
 }
 
 

@@ -20,7 +20,7 @@ from mismatch.records import (
     Scatter,
     Trial,
 )
-from mismatch.sanity import FARTHEST
+from mismatch.sanity import FARTHEST, in_other_unit
 from mismatch.trial_table import CHANNELS, TableExplained, TrialTable, explain_table
 from physics import bodies
 from physics.contact import contact_outcomes
@@ -628,7 +628,7 @@ def load_trial_table(path: TableLike) -> TrialTable:
 def _require_bounds(
     values: FloatArray, columns: Sequence[str | None], names: Sequence[str], what: str
 ) -> None:
-    """Refuse the first impossible speed or range, by trial and column."""
+    """Refuse the first impossible speed or range, by trial and column, and units that differ."""
     wrong = np.argwhere((values <= 0.0) | (values > FARTHEST))
     if wrong.size:
         row, channel = wrong[0]
@@ -638,6 +638,14 @@ def _require_bounds(
             hint="The range is measured from the ball's centre at rest in the direction of flight,"
             " in metres. Correct the cell, or leave it empty.",
         )
+    for channel, other in enumerate(in_other_unit(column) for column in values.T):
+        if other.any():
+            which = ", ".join(np.array(names)[other][:6])
+            raise UsageError(
+                f"{what}: {columns[channel]} of trial {which} is far larger than in the other"
+                " trials, by about the factor of a unit, so units seem to differ by row",
+                hint="Write all rows in the unit of the header, or the unit into each cell.",
+            )
 
 
 def explain_trial_table(

@@ -47,6 +47,22 @@ def test_a_table_is_known_by_its_header(files, tmp_path):
     assert not is_trial_table(tmp_path / "nowhere.csv")
 
 
+@pytest.mark.parametrize(("factor", "refused"), [(100.0, True), (0.001, True), (7.0, False)])
+def test_rows_in_another_unit_are_refused_by_name(files, tmp_path, factor, refused):
+    """Every other row in cm/s was pivot_recoil, 0.90."""
+    lines = files[0].read_text().splitlines()
+    for row in range(2, len(lines), 2):
+        cells = lines[row].split(",")
+        lines[row] = ",".join([*cells[:2], f"{factor * float(cells[2]):.6f}", *cells[3:]])
+    other = tmp_path / "other.csv"
+    other.write_text("\n".join(lines) + "\n")
+    if not refused:
+        assert load_trial_table(other).trials == len(lines) - 1
+        return
+    with pytest.raises(UsageError, match=r"impact_speed_m_s of trial .* units seem to differ"):
+        load_trial_table(other)
+
+
 def test_the_command_answers_a_table_as_it_answers_tracks(files, tmp_path):
     table, setup = files
     model = tmp_path / "model.toml"
