@@ -173,7 +173,7 @@ def _tables() -> Iterator[Mistake]:
 def _books() -> Iterator[Mistake]:
     run = ("campaign", "{clip}", "--trials", "b.csv", "--out", "out")
     wrong = (
-        ("no column clip", "video,ball\nbase_strike.mkv,jokku\n", "clip"),
+        ("no column clip", "what,ball\nbase_strike.mkv,jokku\n", "clip"),
         ("a sensor without unit", "clip,landing_tape\nbase_strike.mkv,1.9\n", "unit"),
         ("a clip twice", "clip,ball\nbase_strike.mkv,jokku\nbase_strike,jokku\n", "twice|line"),
         ("a word for an angle", "clip,backswing_deg\nbase_strike.mkv,steep\n", "line 2"),
