@@ -57,6 +57,22 @@ def test_a_ball_of_any_size_is_detected_in_nearly_every_frame(radius: float) -> 
     assert near.mean() > 0.95
 
 
+def test_a_large_striped_ball_of_little_contrast_is_detected_in_noise() -> None:
+    rng, size = np.random.default_rng(5), (180, 320)
+    places = np.column_stack([60.0 + 3.0 * np.arange(60.0), np.full(60, 90.0)])
+    down, along = np.mgrid[: size[0], : size[1]].astype(float)
+    behind = np.where(((along // 12 + down // 12) % 2)[..., None] > 0, [118.0] * 3, [106.0] * 3)
+    pictures = []
+    for x, y in places:
+        share = cover(*size, (float(x), float(y)), 27.0)[..., None]
+        stripe = np.sin(0.5 * (along - x + 0.6 * (down - y)))[..., None] > 0.0
+        ball = np.where(stripe, [70.0, 125.0, 135.0], [140.0, 140.0, 140.0])
+        picture = (1.0 - share) * behind + share * ball + rng.normal(0.0, 6.0, (*size, 3))
+        pictures.append(np.rint(np.clip(picture, 0, 255)).astype(np.uint8))
+    near = _nearest(detect(_scene(PaintedColourClip(pictures))), places) < 3.0
+    assert near.mean() > 0.9
+
+
 def test_a_ball_at_rest_for_most_of_the_clip_is_detected_there_too() -> None:
     clip, places = _flight(9.0, count=80, rest=55)
     near = _nearest(detect(_scene(clip)), places) < 2.0
