@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.ndimage import gaussian_filter1d
@@ -65,13 +66,21 @@ def seen_through(rng: np.random.Generator, path: FloatArray, width: float) -> Fl
     return np.asarray(centre + off * width)
 
 
+def receding(rng: np.random.Generator, path: FloatArray) -> FloatArray:
+    """Going away from the camera or coming nearer at a constant rate."""
+    time = np.linspace(0.0, 1.0, len(path))
+    size = 1.0 / (1.0 + rng.uniform(-0.35, 0.7) * time)
+    centre = path.mean(axis=0) + rng.normal(0, 0.5, 2) * np.ptp(path, axis=0)
+    return np.asarray(centre + (path - centre) * size[:, None])
+
+
 def detected(
     rng: np.random.Generator, path: FloatArray, radius: float, frame: FloatArray | None = None
 ) -> Observations:
     """Noise white and correlated, outliers, misses, gaps."""
     count = len(path)
     frame = np.arange(count, dtype=np.float64) if frame is None else frame
-    white = math.exp(rng.uniform(math.log(0.1), math.log(2.0)))
+    white = math.exp(rng.uniform(math.log(0.03), math.log(2.0)))
     slow = white * rng.uniform(0.0, 1.5) if rng.random() < 0.5 else 0.0
     place = path + rng.normal(0, white, path.shape)
     if slow > 0.0:
@@ -87,6 +96,21 @@ def detected(
         keep[:] = True
     stated = math.hypot(white, slow) * math.exp(rng.normal(0, 0.4))
     return Observations.of(frame[keep], place[keep], stated, radius * math.exp(rng.normal(0, 0.1)))
+
+
+def strayed(rng: np.random.Generator, ball: Observations, width: float) -> Observations:
+    """A track that begins or ends on something else: at rest elsewhere, or wandering."""
+    many = min(int(rng.uniform(3, 0.3 * len(ball) + 4)), len(ball) - 8)
+    if many < 3:
+        return ball
+    early = rng.random() < 0.5
+    rows = slice(0, many) if early else slice(len(ball) - many, len(ball))
+    place = ball.place.copy()
+    near = place[many] if early else place[-many - 1]
+    away = near + rng.normal(0, 0.1 * width, 2)
+    size = rng.choice([0.0, 0.005, 0.02]) * width
+    place[rows] = away + smooth(rng, many, 5.0, size) + rng.normal(0, 0.5, (many, 2))
+    return Observations.of(ball.frame, place, float(np.median(ball.std)), ball.radius)
 
 
 # ------------------------------------------------------------------ motions, in px and frames
@@ -208,6 +232,23 @@ def pendulum(
     return np.asarray(found.y[0])
 
 
+def walled_pendulum(
+    amplitude: float, period: float, wall: float, restitution: float, count: int
+) -> FloatArray:
+    """Angles of a pendulum let go at an amplitude that bounces off a wall at an angle below it."""
+    steps = 20
+    square = (2 * math.pi / period / steps) ** 2
+    angle, rate, out = -amplitude, 0.0, np.empty(count)
+    for frame in range(count):
+        out[frame] = angle
+        for _ in range(steps):
+            rate -= square * math.sin(angle)
+            angle += rate
+            if angle > wall and rate > 0.0:
+                angle, rate = 2 * wall - angle, -restitution * rate
+    return out
+
+
 def mean_period(angle: FloatArray) -> float:
     """Frames between passages through the lowest point, in the mean over the whole track."""
     at = np.flatnonzero(np.diff(np.sign(angle)) != 0)
@@ -231,7 +272,11 @@ def draw_swing(
     damping = rng.uniform(0, 1.5) / count
     held = rng.random() < 0.2
     phase = 0.0 if held else rng.random()
-    angle = pendulum(amplitude, period, damping, phase, count)
+    if rng.random() < 0.1:
+        wall = amplitude * rng.uniform(-0.2, 0.8)
+        angle = walled_pendulum(amplitude, period, wall, rng.uniform(0.3, 0.95), count)
+    else:
+        angle = pendulum(amplitude, period, damping, phase, count)
     arm = width * rng.uniform(0.15, 1.0) * min(1.0, 0.45 / max(math.sin(min(amplitude, 1.57)), 0.1))
     radius = arm * rng.uniform(0.03, 0.3)
     squeeze = 1.0 if rng.random() < 0.7 else rng.uniform(0.6, 1.0)
@@ -247,11 +292,8 @@ def draw_roll(rng: np.random.Generator, width: float) -> tuple[FloatArray, float
     length = width * rng.uniform(0.2, 0.9)
     tilt = math.radians(abs(rng.normal(0, 12))) if rng.random() < 0.75 else rng.uniform(0, math.pi)
     form = rng.choice(["rest", "even", "turn", "braked", "faster"])
-    rest = (
-        int(rng.uniform(0, 0.4 * count))
-        if form == "rest" or (form == "braked" and rng.random() < 0.0)
-        else 0
-    )
+    # what rolls evenly after a rest was pushed by something that is not seen
+    rest = int(rng.uniform(0, 0.4 * count)) if form == "rest" or rng.random() < 0.3 else 0
     time = np.clip(np.arange(count) - rest, 0, None).astype(float) / max(count - rest, 1)
     s = {
         "rest": time**2,
@@ -260,8 +302,20 @@ def draw_roll(rng: np.random.Generator, width: float) -> tuple[FloatArray, float
         "braked": time * (2 - time) if rng.random() < 0.5 else time - 0.3 * time**2,
         "faster": 0.5 * time + 0.5 * time**2,
     }[str(form)]
+    if rng.random() < 0.5:
+        # an uneven floor, fingers that push on
+        uneven = smooth(rng, len(s), len(s) / rng.uniform(3, 25), rng.uniform(0.02, 0.3))[:, 0]
+        s = np.concatenate([[0.0], np.cumsum(np.diff(s) * np.clip(1.0 + uneven[1:], 0.0, None))])
+    if rng.random() < 0.1:
+        # it comes back from a wall
+        wall = rng.uniform(0.3, 0.9) * s.max()
+        s = np.where(s > wall, wall - rng.uniform(0.3, 0.9) * (s - wall), s)
     unit = np.array([rng.choice([-1, 1]) * math.cos(tilt), math.sin(tilt)])
     path = np.outer(s * length, unit)
+    if rng.random() < 0.3:
+        # it curves
+        bend = rng.normal(0, 0.05) * length * (2.0 * s / max(float(np.ptp(s)), 1e-9) - 1.0) ** 2
+        path = path + np.outer(bend, [-unit[1], unit[0]])
     if rng.random() < 0.15 and form in ("rest", "faster", "even"):
         many = int(rng.uniform(0.03, 0.25) * count) + 4
         speed = path[-1] - path[-2]
@@ -470,8 +524,14 @@ def draw(seed: int, kind: str | None = None) -> Labelled:
         striker = None
         # what hit it was not seen: a body that rolls
         kind = "roll" if kind == "collision" else kind
+    if striker is None and rng.random() < 0.15:
+        path = receding(rng, path)
     both = path if striker is None else np.concatenate([path, striker])
     shown = seen_through(rng, both, width)
+    side = np.random.default_rng([21, seed])
+    if side.random() < 0.08:
+        # a camera on its side
+        shown = shown[:, ::-1] * side.choice([[1.0, -1.0], [-1.0, 1.0]])
     if rng.random() < 0.15:
         # what the registration of a hand-held camera leaves
         sway = smooth(
@@ -482,6 +542,8 @@ def draw(seed: int, kind: str | None = None) -> Labelled:
         )
         shown = shown + np.concatenate([sway[: len(path)], sway[: len(both) - len(path)]])
     ball = detected(rng, shown[: len(path)], radius)
+    if rng.random() < 0.2:
+        ball = strayed(rng, ball, width)
     if kind != "swing" or np.ptp(ball.frame) < len(path) - 2:
         period = period if kind == "swing" else math.nan
     return Labelled(
@@ -553,6 +615,28 @@ def lab_track(seed: int, degraded: bool = True) -> Labelled:
     if tracks[0] is None:
         tracks[0] = detected(rng, shown[names[0]][0], shown[names[0]][1])
     return Labelled(f"lab {seed}", kind, tracks[0], tracks[1])
+
+
+def followed_labs(folder: Path) -> Iterator[Labelled]:
+    """Tracks of shared labs as they are measured: FOLDER/LAB.csv of `vision measure --tracks`."""
+    for file in sorted(folder.glob("*.csv")):
+        truth = SHARED / "labs" / file.stem / "truth.json"
+        if not truth.exists():
+            continue
+        table = pd.read_csv(file).dropna(subset=["x_px", "y_px"])
+        bodies = {
+            str(name): Observations.of(
+                rows["frame"].to_numpy(),
+                rows[["x_px", "y_px"]].to_numpy(),
+                rows["x_px_std"].to_numpy(),
+                float(rows["radius_px"].median()),
+            )
+            for name, rows in table.groupby("object")
+        }
+        kind = json.loads(truth.read_text())["kind"]
+        other = bodies.get("ball_2") if kind == "collision" else bodies.get("pendulum")
+        if "ball" in bodies:
+            yield Labelled(f"followed {file.stem}", kind, bodies["ball"], other)
 
 
 # ------------------------------------------------------------------ truth files

@@ -9,50 +9,46 @@ import numpy as np
 
 from vision.motions.explanations import MIN_ROWS, Explained, explain
 from vision.motions.models import DISCREPANCY, FloatArray, Observations
-from vision.motions.segments import Division, Model, Span, segment_of
+from vision.motions.segments import Division, Model, Segment, Span, segment_of
 
 __all__ = ["FEATURES", "departure_of", "features_of"]
 
 FEATURES = (
     "one",
-    "fall_cost",
     "straight_cost",
     "swing_cost",
     "circle_cost",
-    "carried_cost",
-    "rest_cost",
     "fall_misfit",
-    "straight_misfit",
-    "swing_misfit",
     "circle_misfit",
-    "moved_noise",
     "moved_radius",
-    "swing_periods",
     "swing_hangs",
-    "circle_round",
     "fall_share",
     "fall_sag",
     "fall_down",
+    "fall_oblique",
     "fall_from_rest",
     "fall_rest_before",
-    "fall_sudden",
     "fall_sideways",
     "fall_upwards",
     "fall_bounces",
+    "fall_breaks",
     "straight_share",
     "straight_upright",
-    "straight_speeds_up",
-    "straight_rest_before",
     "straight_sudden",
-    "straight_begins",
+    "straight_breaks",
+    "path_straight",
+    "path_bow",
+    "path_turns",
+    "path_jump",
+    "path_back",
+    "pull_down",
+    "parts",
     "rows",
     "pair",
     "pair_near",
-    "pair_approach",
     "pair_transfer",
     "pair_arc",
     "pair_straight",
-    "pair_falls",
 )
 """What the probability is computed from, in the order of the fitted coefficients."""
 
@@ -79,45 +75,36 @@ def features_of(
         return np.eye(len(FEATURES))[0], None, None
     one = explain(ball)
     values = {"one": 1.0, "rows": math.log(len(one.seen) / 100.0)}
-    values |= _costs(one) | _shapes(one) | _falling(one) | _sliding(one)
+    values["parts"] = math.log(len(one.free.spans))
+    values |= _costs(one) | _shapes(one) | _falling(one) | _sliding(one) | _course(one)
     other = None
     if striker is not None and len(striker) >= MIN_ROWS:
         other = explain(striker)
-        values |= _pair(one, other, values)
+        values |= _pair(one, other)
     return np.array([values.get(name, 0.0) for name in FEATURES]), one, other
 
 
 def _costs(one: Explained) -> dict[str, float]:
     cost = one.costs
     least = min(value for name, value in cost.items() if name != "free")
-    names = ("fall", "straight", "swing", "circle", "carried", "rest")
-    return {f"{name}_cost": _log_odds(cost[name], least) for name in names}
+    return {
+        f"{name}_cost": _log_odds(cost[name], least) for name in ("straight", "swing", "circle")
+    }
 
 
 def _shapes(one: Explained) -> dict[str, float]:
     inner = one.seen.rows(one.core)
     extent = max(float(np.hypot(*np.ptp(inner.place, axis=0))), 1e-6)
     found = {
-        "moved_noise": _level(extent, 5.0 * one.noise) / 2.0,
         "moved_radius": _level(extent, one.seen.radius),
         "fall_misfit": _relative(_spread(_left_by(one, one.fall)), one.noise, extent),
-        "straight_misfit": _relative(_spread(_left_by(one, one.slope)), one.noise, extent),
     }
     if one.swing is not None:
         off = _relative(_spread(one.swing.residual), one.noise, extent)
-        good = _sigmoid(off - 2.0)
-        found |= {
-            "swing_misfit": off,
-            "swing_periods": good * min(one.swing.periods, 4.0) ** 0.5,
-            "swing_hangs": good * one.swing.hangs * min(one.swing.amplitude, 1.0),
-        }
+        hangs = one.swing.hangs * min(one.swing.amplitude, 1.0)
+        found["swing_hangs"] = _sigmoid(off - 2.0) * hangs
     if one.circle is not None:
-        off = _relative(_spread(one.circle.residual), one.noise, extent)
-        turned = min(one.circle.turned / (2.0 * math.pi), 1.0)
-        found |= {
-            "circle_misfit": off,
-            "circle_round": _sigmoid(off - 2.0) * turned * one.circle.ratio**0.5,
-        }
+        found["circle_misfit"] = _relative(_spread(one.circle.residual), one.noise, extent)
     return found
 
 
@@ -143,8 +130,6 @@ def _left_by(one: Explained, division: Division) -> FloatArray:
         if span.model is Model.FALL:
             place = place - 0.5 * np.outer(time**2, one.gravity)
             design = np.vander(time, min(2, len(time)), increasing=True)
-        elif span.model is Model.SLOPE:
-            design = np.vander(time, min(3, len(time)), increasing=True)
         else:
             design = np.ones((len(time), 1))
         left[rows] = place - design @ np.linalg.lstsq(design, place, rcond=None)[0]
@@ -194,23 +179,24 @@ def _falling(one: Explained) -> dict[str, float]:
     # frames it would have fallen from rest to be as fast, beside those that it is seen to fall
     early = max(speed - 2.0 * spread, 0.0) / pull
     sure = _sigmoid(4.0 * math.log(max(sag, 1e-9) / (4.0 * one.noise))) * share
-    bounces = sum(
-        1
+    joints = [
+        _turns_up(one, before, after, down)
         for before, after in pairwise(spans)
-        if before.model is Model.FALL
-        and after.model is Model.FALL
-        and _turns_up(one, before, after, down)
-    )
+        if before.model is Model.FALL and after.model is Model.FALL
+    ]
+    bounces = sum(joints)
     return {
         "fall_share": sure,
         "fall_sag": _level(sag, one.seen.radius),
         "fall_down": sure * float(down[1]),
+        # cameras stand upright or lie on their side, slopes are between
+        "fall_oblique": sure * 2.0 * abs(float(down[0] * down[1])),
         "fall_from_rest": sure * math.exp(-early / (0.15 * frames + 1.0)),
         "fall_rest_before": sure * rest,
-        "fall_sudden": sure * rest * _sigmoid(1.5 * (early - 3.0)),
         "fall_sideways": sure * min(abs(across) * frames / max(path, 1e-9), 2.0),
         "fall_upwards": sure * min(max(-along - 2.0 * spread, 0.0) / (pull * frames), 1.0),
         "fall_bounces": sure * min(bounces, 3),
+        "fall_breaks": math.log1p(len(joints) - bounces),
     }
 
 
@@ -228,31 +214,103 @@ def _sliding(one: Explained) -> dict[str, float]:
     if index is None:
         return {}
     moved = sum(span.stop - span.first for span in spans if span.model is not Model.REST)
-    share = sum(span.stop - span.first for span in spans if span.model is Model.SLOPE) / max(
-        moved, 1
-    )
+    slopes = [span for span in spans if span.model is Model.SLOPE]
+    share = sum(span.stop - span.first for span in slopes) / max(moved, 1)
     segment = segment_of(one.seen, spans[index], one.noise, one.worth)
     frames = max(float(segment.last - segment.first), 1.0)
     start, pull = segment.parameters[1:2], segment.parameters[2:3]
     if len(pull) == 0:
         return {"straight_share": share}
     speed, gained = float(np.hypot(*start[0])), 2.0 * frames * float(np.hypot(*pull[0]))
-    sense = 1.0 if float(start[0] @ pull[0]) >= 0.0 else -1.0
     rest = _rest_before(one, one.slope, index)
     noise = segment.spread(segment.first)[1]
     sudden = max(speed - 3.0 * noise, 0.0) / max(speed + 0.3 * gained, 1e-9)
     return {
         "straight_share": share,
         "straight_upright": share * abs(float(one.direction[1])) ** 4,
-        "straight_speeds_up": share * sense * gained / max(speed + gained, 1e-9),
-        "straight_rest_before": share * rest,
         "straight_sudden": share * rest * sudden,
-        "straight_begins": share
-        * math.exp(-3.0 * max(speed - 2.0 * noise, 0.0) / max(gained, 1e-9)),
+        "straight_breaks": math.log(len(slopes)),
     }
 
 
-def _pair(one: Explained, other: Explained, values: dict[str, float]) -> dict[str, float]:
+def _course(one: Explained) -> dict[str, float]:
+    """Form of the path, how often it turns round, how suddenly its velocity changes."""
+    place = one.seen.rows(one.core).place
+    extent = max(float(np.hypot(*np.ptp(place, axis=0))), 1e-6)
+    off = place - place.mean(axis=0)
+    unit = np.linalg.svd(off, full_matrices=False)[2][0]
+    along, across = off @ unit, off @ np.array([-unit[1], unit[0]])
+    design = np.vander(along / extent, 3, increasing=True)
+    bent = np.linalg.lstsq(design, across, rcond=None)[0]
+    left = np.column_stack([across - design @ bent, np.zeros(len(across))])
+    turns = _turns(along, 4.0 * one.noise + 0.02 * extent)
+    moves = [
+        each
+        for each in one.segments(one.free)
+        if each.last > each.first + 2 and each.model is not Model.REST
+    ]
+    found = {
+        "path_straight": _relative(math.sqrt(2.0) * _spread(left), one.noise, extent),
+        "path_bow": _level(0.25 * abs(float(bent[2])) / extent, 0.02),
+        "path_turns": math.log1p(turns),
+    }
+    return found | _jump(moves) | {"pull_down": _pull_down(moves)}
+
+
+def _turns(along: FloatArray, least: float) -> int:
+    """How often a coordinate turns round by more than a distance."""
+    count, sense, extreme = 0, 0, float(along[0])
+    for value in along.tolist():
+        if (value - extreme) * (sense or math.copysign(1, value - extreme)) > 0.0 and sense:
+            extreme = value
+        elif abs(value - extreme) > least:
+            count += sense != 0
+            sense, extreme = (1 if value > extreme else -1), value
+    return count
+
+
+def _jump(moves: Sequence[Segment]) -> dict[str, float]:
+    """The largest sudden change of velocity between two moving segments, over their speeds."""
+    most, back = 0.0, 0.0
+    for before, after in pairwise(moves):
+        frame = 0.5 * (before.last + after.first)
+        slow, fast = before.at(frame)[1], after.at(frame)[1]
+        spread = 3.0 * math.hypot(before.spread(frame)[1], after.spread(frame)[1])
+        speed = max(float(np.hypot(*slow)), float(np.hypot(*fast)), 1e-9)
+        jump = max(float(np.hypot(*(fast - slow))) - spread, 0.0) / speed
+        if jump > most:
+            most = jump
+            back = -float(slow @ fast) / max(float(np.hypot(*slow) * np.hypot(*fast)), 1e-9)
+    return {"path_jump": min(most, 2.0), "path_back": min(most, 1.0) * back}
+
+
+def _pull_down(moves: Sequence[Segment]) -> float:
+    """How far one acceleration serves all moving segments, times its share downwards."""
+    pulls, spreads, frames = list[FloatArray](), list[float](), list[float]()
+    for each in moves:
+        if len(each.parameters) < 3 or each.last - each.first < MIN_ROWS:
+            continue
+        lasts = float(each.last - each.first)
+        length = float(np.hypot(*(each.at(each.last)[0] - each.at(each.first)[0])))
+        # a lens bends a straight path by so much of its length
+        lens = 8.0 * DISCREPANCY * length / lasts**2
+        pulls.append(each.at(each.first)[2])
+        spreads.append(4.0 * max(float(each.covariance[2, 2]), 0.0) + lens**2)
+        frames.append(lasts)
+    if not pulls:
+        return 0.0
+    table, spread = np.array(pulls), np.array(spreads)
+    squares = (table**2).sum(axis=1)
+    surest = int(np.argmax(squares / spread))
+    weight = np.array(frames) / (1.0 + spread / (0.1 * squares[surest] + 1e-30))
+    mean = weight @ table / weight.sum()
+    size = float(np.hypot(*mean))
+    even = size**2 / max(float(weight @ squares / weight.sum()), 1e-30)
+    sure = even * _sigmoid(math.sqrt(float(squares[surest] / spread[surest])) - 4.0)
+    return sure * float(mean[1]) / max(size, 1e-30)
+
+
+def _pair(one: Explained, other: Explained) -> dict[str, float]:
     """How the striker and the ball met."""
     left = departure_of(one)
     if left is None:
@@ -265,11 +323,9 @@ def _pair(one: Explained, other: Explained, values: dict[str, float]) -> dict[st
     return {
         "pair": 1.0,
         "pair_near": met.near,
-        "pair_approach": share,
         "pair_transfer": share * met.transfer,
         "pair_arc": share * bends,
         "pair_straight": share * (1.0 - bends),
-        "pair_falls": share * values.get("fall_sudden", 0.0),
     }
 
 

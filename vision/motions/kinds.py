@@ -359,7 +359,7 @@ def _reasons(
     elif kind is MotionKind.NONE:
         found.append(f"No motion beyond the noise of {one.noise:.2g} px and drift.")
     if kind in (MotionKind.STRIKE, MotionKind.COLLISION):
-        met = features["pair_approach"] > 0.5
+        met = features["pair_arc"] + features["pair_straight"] > 0.5
         what = "a pendulum" if kind is MotionKind.STRIKE else "another body"
         found.append(
             f"It was at rest and left when {what} reached it."
