@@ -11,7 +11,7 @@ from vision.motions.explanations import MIN_ROWS, Explained, explain
 from vision.motions.models import DISCREPANCY, FloatArray, Observations
 from vision.motions.segments import Division, Model, Segment, Span, segment_of
 
-__all__ = ["FEATURES", "departure_of", "features_of"]
+__all__ = ["FEATURES", "MIN_TRACK_ROWS", "departure_of", "features_of"]
 
 FEATURES = (
     "one",
@@ -67,11 +67,15 @@ def _sigmoid(value: float) -> float:
     return 0.5 * (1.0 + math.tanh(0.5 * value))
 
 
+MIN_TRACK_ROWS = 8
+"""Rows from which a kind is stated. Given by the fit: no track that it has seen has fewer."""
+
+
 def features_of(
     ball: Observations, striker: Observations | None = None
 ) -> tuple[FloatArray, "Explained | None", "Explained | None"]:
     """Features of a track or a pair, in the order of `FEATURES`, and the fits behind them."""
-    if len(ball) < MIN_ROWS:
+    if len(ball) < MIN_TRACK_ROWS:
         return np.eye(len(FEATURES))[0], None, None
     one = explain(ball)
     values = {"one": 1.0, "rows": math.log(len(one.seen) / 100.0)}

@@ -15,7 +15,7 @@ from importlib import resources
 import numpy as np
 
 from vision.motions.explanations import MIN_ROWS, Explained
-from vision.motions.features import FEATURES, departure_of, features_of
+from vision.motions.features import FEATURES, MIN_TRACK_ROWS, departure_of, features_of
 from vision.motions.models import DISCREPANCY, FloatArray, Observations, Swing
 from vision.motions.segments import (
     Event,
@@ -134,7 +134,7 @@ def interpret(
     values, one, other = features_of(ball, striker)
     if one is None:
         shares = dict.fromkeys(MotionKind, 0.0) | {MotionKind.NONE: 1.0}
-        reason = f"It is seen in {len(ball)} frames only; {MIN_ROWS} are needed to fit a motion."
+        reason = f"It is seen in {len(ball)} frames only; a motion needs {MIN_TRACK_ROWS}."
         return Interpretation(
             MotionKind.NONE, shares, (), (), (reason,), None, None, None, math.nan, 0.0
         )
