@@ -1180,8 +1180,7 @@ def _fit_in_one(
         own_pull = np.where(kept, -nuisance * own_prior, 0.0)
         matrix, vector, inverse, cross = reduce(system, own_pull, pull)
         gradient = np.einsum("tmq,tm->tq", system.own, system.residual) + own_pull
-        edges = _edges(model, free, n_laws)
-        normal = _NormalEquations(matrix, vector, inverse, cross, gradient, edges)
+        normal = _NormalEquations(matrix, vector, inverse, cross, gradient)
         here = _PlaceOfFit((nuisance, laws, model), cost, chi2, residual)
         found, damping = _stepped_down(forward, system, normal, here, free, penalty, damping)
         gained = cost - found.cost
@@ -1225,27 +1224,17 @@ class _PlaceOfFit:
 
 @dataclass(frozen=True)
 class _NormalEquations:
-    """The normal equations of a step, trial-to-trial values eliminated.
-
-    `edges` (n,) is -1 or 1 where a shared parameter is at its lower or upper bound, else 0.
-    """
+    """The normal equations of a step, trial-to-trial values eliminated."""
 
     matrix: FloatArray
     vector: FloatArray
     inverse: FloatArray
     cross: FloatArray
     gradient: FloatArray
-    edges: FloatArray
 
     def step(self, damping: float = 0.0) -> Step:
-        """Gauss and Newton's, damped by Levenberg and Marquardt's.
-
-        What is at a bound and would gain beyond it stays there, and the others take their step
-        with it held (Bertsekas, SIAM J. Control Optim. 20, 221 (1982)).
-        """
-        rest = self.vector * self.edges <= 0.0
-        move = np.zeros_like(self.vector)
-        move[rest] = solve(self.matrix[np.ix_(rest, rest)], self.vector[rest], damping)
+        """Gauss and Newton's, damped by Levenberg and Marquardt's."""
+        move = solve(self.matrix, self.vector, damping)
         pull = self.gradient - np.einsum("tqn,n->tq", self.cross, move)
         return np.einsum("tqr,tr->tq", self.inverse, pull), move
 
@@ -1440,8 +1429,7 @@ class _SwingFit:
         own_pull = np.where(self.own_prior < 1e15, -nuisance * self.own_prior, 0.0)
         matrix, vector, inverse, cross = reduce(system, own_pull, pull)
         gradient = np.einsum("tmq,tm->tq", system.own, system.residual) + own_pull
-        edges = _edges(model, self.free, laws.size)
-        return _NormalEquations(matrix, vector, inverse, cross, gradient, edges)
+        return _NormalEquations(matrix, vector, inverse, cross, gradient)
 
     def covariance(self, place: _PlaceOfArcs, excess: float) -> FloatArray:
         """(n, n) of the free parameters, which readers widen by a misfit of `excess`.
@@ -1561,16 +1549,6 @@ def _prior_information(p: Parameter, excess: float, shape_priors: bool) -> float
     if p.expected is not None:
         return excess / p.width**2
     return p.scale**-2 if p.is_shape and shape_priors else 0.0
-
-
-def _edges(model: ForwardModel, free: Sequence[Free], laws: int) -> FloatArray:
-    """-1 or 1 for each law and parameter at its lower or upper bound, 0 elsewhere."""
-    found = np.zeros(laws + len(free))
-    for place, (item, value) in enumerate(zip(free, _values(model, free), strict=True), laws):
-        p = item.parameter
-        if p.is_shape:
-            found[place] = float(value >= p.upper) - float(value <= p.lower)
-    return found
 
 
 def _stepped(model: ForwardModel, free: Sequence[Free], moves: FloatArray) -> ForwardModel:

@@ -4,9 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.optimize import lsq_linear
 
-from mismatch.fitting.fit import Linearised, _NormalEquations, priors, reduce, solve
+from mismatch.fitting.fit import Linearised, priors, reduce, solve
 from mismatch.fitting.scan import marginal_by_trial, price, scatter_evidence
 from mismatch.forward import ForwardModel
 from mismatch.records import Scatter
@@ -51,23 +50,6 @@ def test_eliminating_per_trial_parameters_changes_no_answer() -> None:
     gradient = np.einsum("tmq,tm->tq", system.own, system.residual)
     mine = np.einsum("tqr,tr->tq", inverse, gradient - cross @ found)
     assert mine.ravel() == pytest.approx(expected[: TRIALS * OWN], rel=1e-6)
-
-
-@pytest.mark.parametrize("edge", [-1, 1])
-def test_a_step_from_a_bound_is_that_of_bounded_least_squares(edge: int) -> None:
-    """A parameter cut off at its bound left the others a step that cost more, time and again."""
-    system, _, _ = _made(np.random.default_rng(4))
-    matrix, vector, inverse, cross = reduce(system, np.zeros((TRIALS, OWN)), np.zeros(SHARED))
-    gradient = np.einsum("tmq,tm->tq", system.own, system.residual)
-    edges = np.array([0.0, edge, *np.zeros(SHARED - 2)])
-    own, move = _NormalEquations(matrix, vector, inverse, cross, gradient, edges).step()
-    whole, right = _whole(system)
-    root = np.linalg.cholesky(whole).T
-    room = np.array([[-np.inf] * right.size, [np.inf] * right.size])
-    room[(1 + edge) // 2, TRIALS * OWN + 1] = 1e-12 * edge
-    bounded = lsq_linear(root, np.linalg.solve(root.T, right), bounds=room, tol=1e-12).x
-    assert np.concatenate([own.ravel(), move]) == pytest.approx(bounded, rel=1e-4, abs=1e-6)
-    assert (move[1] == 0.0) is (vector[1] * edge > 0.0)
 
 
 def test_intervals_of_shared_parameters_have_their_coverage() -> None:
