@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from enum import Enum
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, get_type_hints
 
 import typer
@@ -309,15 +308,14 @@ def _option(name: str, described: tuple[Any, ...]) -> str:
 
 @contextmanager
 def _tidy_when_terminated() -> Iterator[None]:
-    """Turn SIGTERM into SystemExit, so that temporary files are removed."""
+    """Raise `Terminated` at SIGTERM, so that temporary files are removed."""
+    from pipelines.processes import raise_when_terminated
+
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-
-    def unwind(number: int, frame: FrameType | None) -> None:
-        raise SystemExit(_SIGNAL_EXIT_CODE + number)
-
-    before = signal.signal(signal.SIGTERM, unwind)
+    before = signal.getsignal(signal.SIGTERM)
+    raise_when_terminated()
     try:
         yield
     finally:

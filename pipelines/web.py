@@ -469,13 +469,17 @@ def serve_app(
 
 
 class _Server(uvicorn.Server):
-    """Record the signal; re-raising it would be lost when the parent shell ignores it."""
+    """Record the signal and stop.
+
+    The base class would raise it again: lost where the parent shell ignores it, and before the page
+    is closed in order.
+    """
 
     ended_by: int | None = None
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         self.ended_by = sig if self.ended_by is None else self.ended_by
-        super().handle_exit(sig, frame)
+        self.force_exit, self.should_exit = self.should_exit, True
 
 
 def _listening(port: int) -> socket.socket:

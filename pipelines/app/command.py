@@ -1,9 +1,11 @@
 """Command `vision app`: open the page in the browser."""
 
 import os
+import signal
 import sys
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from threading import Thread
@@ -42,24 +44,22 @@ def app_command(
         raise UsageError(f"there is no file {place}", hint="Check the name and the folder.")
     # import here: NiceGUI takes a second, which other commands must not pay
     from pipelines.app.session import AppSession
+    from pipelines.app.shell import serve_page
     from pipelines.app.words import LANGUAGES, users_language
 
     if language is not None and language not in LANGUAGES:
         raise UsageError(f"no language {language!r}", hint=f"Pass {' or '.join(LANGUAGES)}.")
     session = AppSession(language or users_language())
-    session.measurer.start()
-    if place is not None:
-        session.open_place(place.absolute())
-    _serve(session, browser, port)
-    folder = session.folder_session
-    if folder is not None and folder.running:
-        typer.echo("The page is closed; the campaign goes on. Ctrl-C stops it, and the same folder")
-        typer.echo("opened again resumes it.")
-        try:
+    with _leaving(session):
+        session.measurer.start()
+        if place is not None:
+            session.open_place(place.absolute())
+        serve_page(session, partial(announce_page, browser=browser), port=port)
+        folder = session.folder_session
+        if folder is not None and folder.running:
+            typer.echo("The page is closed; the campaign goes on. Ctrl-C stops it, and the same")
+            typer.echo("folder opened again resumes it.")
             folder.finish()
-        except KeyboardInterrupt:
-            _leave(130)
-    session.end()
 
 
 def set_up_clip(wizard: "Session", *, browser: bool, port: int) -> None:
@@ -75,29 +75,45 @@ def set_up_clip(wizard: "Session", *, browser: bool, port: int) -> None:
         0 for any free one.
     """
     from pipelines.app.session import AppSession
+    from pipelines.app.shell import serve_page
     from pipelines.app.words import users_language
 
     session = AppSession(users_language())
-    session.set_up(wizard)
-    _serve(session, browser, port, "Without a browser pass all options and --yes. ")
-    written = wizard.written
-    said = "nothing was saved" if written is None else f"wrote {written.setup} and {written.lens}"
-    typer.echo(f"the page was closed; {said}", err=written is None)
-    session.end()
-    if session.jobs.busy:
-        # native code that runs while the interpreter shuts down would crash it
-        _leave(0)
 
+    def opened(address: str) -> None:
+        session.set_up(wizard)
+        otherwise = "Without a browser pass all options and --yes. "
+        announce_page(address, browser=browser, otherwise=otherwise)
 
-def _serve(session: "AppSession", browser: bool, port: int, otherwise: str = "") -> None:
-    from pipelines.app.shell import serve_page
-
-    opened = partial(announce_page, browser=browser, otherwise=otherwise)
-    try:
+    with _leaving(session):
         serve_page(session, opened, port=port)
+        written = wizard.written
+        said = (
+            "nothing was saved" if written is None else f"wrote {written.setup} and {written.lens}"
+        )
+        typer.echo(f"the page was closed; {said}", err=written is None)
+
+
+@contextmanager
+def _leaving(session: "AppSession") -> Iterator[None]:
+    """Close the session at the end and leave at once, with the exit code of a signal if one came.
+
+    The interpreter's own exit ends threads amid native code, which aborts the program.
+    """
+    code = 0
+    try:
+        yield
     except KeyboardInterrupt as stop:
+        code = 128 + (signal.SIGTERM if isinstance(stop, Terminated) else signal.SIGINT)
+    except BaseException:
         session.end()
-        _leave(143 if isinstance(stop, Terminated) else 130)
+        raise
+    try:
+        session.end()
+        sys.stdout.flush()
+        sys.stderr.flush()
+    finally:
+        os._exit(code)
 
 
 def watch_campaign(out: Path, on_address: Callable[[str], None]) -> "FolderSession":
@@ -132,10 +148,3 @@ def watch_campaign(out: Path, on_address: Callable[[str], None]) -> "FolderSessi
 
     Thread(target=serving, daemon=True).start()
     return folder
-
-
-def _leave(code: int) -> None:
-    """Exit without waiting for threads that decode."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(code)

@@ -25,6 +25,9 @@ MAX_STORED_BYTES = 2_000_000_000
 MAX_NEAR_FRAMES = 50
 """Frames ahead of decoding up to which it is waited for (chosen: decoded in 0.2 s)."""
 
+MAX_LAST_FRAME_S = 2.0
+"""s that closing waits for the frame being decoded (chosen: one of 4K takes 0.1 s)."""
+
 _QUALITY = [int(cv2.IMWRITE_JPEG_QUALITY), 88]
 
 
@@ -56,7 +59,8 @@ class FrameStore:
         self._ahead: Iterator[NDArray[np.uint8]] = iter(())
         self._next_ahead = -1
         self._seeking = Lock()
-        Thread(target=self._work, daemon=True).start()
+        self._thread = Thread(target=self._work, daemon=True)
+        self._thread.start()
 
     @property
     def ready(self) -> int:
@@ -107,6 +111,7 @@ class FrameStore:
             self._places.clear()
             self._file.close()
             self._changed.notify_all()
+        self._thread.join(MAX_LAST_FRAME_S)
 
     def _work(self) -> None:
         try:

@@ -77,20 +77,23 @@ def test_workers_end_with_a_killed_parent(script: str, tmp_path: Path) -> None:
     assert wait_until(lambda: not any(one.is_running() for one in children), 5.0)
 
 
-@pytest.mark.parametrize("command", ["measure", "campaign", "calibrate"])
+@pytest.mark.parametrize("command", ["measure", "campaign", "calibrate", "app"])
 def test_a_terminated_command_has_the_exit_code_of_the_signal(command: str, tmp_path: Path) -> None:
     clip = str(shared_folder("inputs") / "base_strike.mkv")
     words = {
         "measure": ["measure", clip, clip, "--fps", "600", "--out", "out", "-j", "2"],
         "campaign": ["campaign", clip, "--fps", "600", "--out", "out", "-j", "2"],
         "calibrate": ["calibrate", clip, "--fps", "600", "--ball", "jokku", "--no-browser"],
+        "app": ["app", clip, "--no-browser"],
     }[command]
     script = "from pipelines.cli import app\nif __name__ == '__main__':\n    app()\n"
     run = running(tmp_path / "run.py", script, *words)
     family = psutil.Process(run.pid)
     try:
-        if command == "calibrate":
+        if command in ("calibrate", "app"):
             assert wait_until(lambda: bool(family.net_connections("inet")), 60.0)
+            # threads of the page are amid native code
+            time.sleep(1.5)
         else:
             assert wait_until(lambda: len(family.children(recursive=True)) >= 1, 60.0)
         time.sleep(0.5)
