@@ -493,7 +493,8 @@ def _tested(
     passed = pass_gate(prepared, best, kind, kept, outdone=naming.outdone)
     evidence = evidence_for_names(forward, base, naming, predictions, passed.weight)
     probabilities = tuple(min(calibrated_probability(one), passed.most) for one in evidence)
-    return _Tested(naming, groups, kept, passed.at(probabilities), evidence, probabilities)
+    through = passed.beside(evidence[0].gain, evidence[0].structure)
+    return _Tested(naming, groups, kept, through, evidence, probabilities)
 
 
 def _tested_answers(

@@ -476,9 +476,6 @@ DOUBTED = 0.45
 """Probability that a name has at most where a rule in `FORBIDS` speaks against it. Convention:
 below one half, so that it is no answer."""
 
-EXCLUDED = 0.05
-"""Probability below which a name is excluded. Convention: one minus that of every interval."""
-
 CARRIED = 0.3
 
 """Share of g below which a body that is said to be free does not fall."""
@@ -542,7 +539,7 @@ class Doubt(Enum):
     UNCONVERGED = "its fit did not converge"
     ONE_RECORD = "one trial shows nothing twice: any smooth remainder could pass for a law"
     UNLIKELY = "it is less likely than all other answers together"
-    EXCLUDED = "all other answers together are twenty times as likely"
+    OUTWEIGHED = "a smooth force without a name explains more of what it leaves than it explains"
     NOISE = "the noise that is needed is as large as the motion itself, so nothing can be said"
 
 
@@ -581,7 +578,7 @@ class Passed:
     @property
     def names(self) -> bool:
         """Whether anything may be named at all."""
-        nothing = {Doubt.WORSE_HELD_OUT, Doubt.CARRIED, Doubt.NOISE, Doubt.EXCLUDED}
+        nothing = {Doubt.WORSE_HELD_OUT, Doubt.CARRIED, Doubt.NOISE, Doubt.OUTWEIGHED}
         return not nothing.intersection(self.doubts)
 
     @property
@@ -594,11 +591,18 @@ class Passed:
         """Largest probability that a name may have."""
         return DOUBTED if FORBIDS.intersection(self.doubts) else 0.999
 
-    def at(self, probabilities: Sequence[float]) -> "Passed":
-        """What passes once names have probabilities: none, if 95 % exclude each of them."""
-        if max(probabilities) >= EXCLUDED:
+    def beside(self, gain: float, structure: float) -> "Passed":
+        """What passes beside what the answer leaves: nothing, if that is the larger part.
+
+        Parameters
+        ----------
+        gain, structure : float
+            Evidence of the answer over the baseline, and of the best smooth force or torque without
+            a name over the answer, in the same units.
+        """
+        if structure <= gain:
             return self
-        return replace(self, kind="unexplained", doubts=(*self.doubts, Doubt.EXCLUDED))
+        return replace(self, kind="unexplained", doubts=(*self.doubts, Doubt.OUTWEIGHED))
 
 
 def pass_gate(

@@ -181,6 +181,20 @@ def test_one_throw_alone_gets_no_name_above_one_half():
     assert all(effect.probability <= DOUBTED for effect in verdict.effects)
 
 
+@pytest.mark.parametrize(
+    ("gain", "structure", "named"),
+    [
+        pytest.param(2351.0, 77.0, True, id="drag of a coasting rocket"),
+        pytest.param(71.0, 13.6, True, id="drag of a rocket, outdone by two faults of the camera"),
+        pytest.param(281.0, 1056.0, False, id="a sine in the encoder"),
+    ],
+)
+def test_an_imperfect_name_is_kept_unless_it_leaves_more_than_it_explains(gain, structure, named):
+    passed = Passed("ambiguous", (Doubt.LEFT_OVER,)).beside(gain, structure)
+    assert passed.names == named
+    assert passed.kind == ("ambiguous" if named else "unexplained")
+
+
 def test_a_name_that_is_right_and_strong_is_sure():
     campaign, baseline = struck_campaign(
         (CATALOGUE["magnus"][0], {"spin": 20.0}), trials=4, noise=5e-4
