@@ -140,7 +140,8 @@ LEAVING_S = 20.0
 """s within which a leaving window must be gone (chosen); later it counts as open again."""
 
 RETRY_S = 2
-"""s until a refused window asks again (chosen)."""
+"""s until a refused window asks again (chosen); by a script, since a `refresh` header does not load
+an address anew that names a part of the page."""
 
 POLICY = 1008
 """WebSocket close code of a policy violation (RFC 6455, 7.4.1)."""
@@ -257,7 +258,7 @@ class Guard:
                 "The page is open in another window",
                 "Continue there, or close that window: this one then opens by itself. No work is "
                 "lost.",
-                [(b"refresh", str(RETRY_S).encode())],
+                script=f"setTimeout(() => location.reload(), {1000 * RETRY_S})",
             )
 
     async def _websocket(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -338,13 +339,15 @@ async def _answer(
     title: str,
     text: str,
     headers: Iterable[tuple[bytes, bytes]] = (),
+    script: str = "",
 ) -> None:
     body = (
         "<!doctype html><html lang=en><meta charset=utf-8>"
         f"<title>{escape(title)}</title>"
         "<body style='font: 18px/1.5 system-ui, sans-serif; max-width: 40rem; margin: 4rem auto;"
         " padding: 0 1rem'>"
-        f"<h1 style='font-size: 1.5rem'>{escape(title)}</h1><p>{escape(text)}</p></body></html>"
+        f"<h1 style='font-size: 1.5rem'>{escape(title)}</h1><p>{escape(text)}</p>"
+        f"<script>{script}</script></body></html>"
     ).encode()
     start = [
         (b"content-type", b"text/html; charset=utf-8"),

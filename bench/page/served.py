@@ -8,15 +8,37 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import psutil
 
-__all__ = ["App", "chromium", "served"]
+__all__ = ["ROOT", "App", "Program", "chromium", "running", "served"]
 
 ROOT = Path(__file__).parents[2]
 WAIT_MS = 600_000
+COMMAND = "from pipelines.cli import app; app()"
+
+
+@dataclass(frozen=True)
+class Program:
+    """A running program that serves the page.
+
+    Attributes
+    ----------
+    process : Popen
+    address : str
+        With its token.
+    """
+
+    process: "subprocess.Popen[str]"
+    address: str
+
+    @property
+    def home(self) -> str:
+        """The address without its token."""
+        return self.address.partition("?")[0]
 
 
 class App:
@@ -24,19 +46,17 @@ class App:
 
     Parameters
     ----------
-    process : Popen
-    address : str
-        With its token.
+    program : Program
     browser : Browser
     """
 
-    def __init__(self, process: "subprocess.Popen[str]", address: str, browser: Any) -> None:
-        self.process, self.home = process, address.partition("?")[0]
+    def __init__(self, program: Program, browser: Any) -> None:
+        self.process, self.home = program.process, program.home
         self.actions = 0
         self._context = browser.new_context(viewport={"width": 1280, "height": 800})
         self.page = self._context.new_page()
         self.page.set_default_timeout(WAIT_MS)
-        self.page.goto(address)
+        self.page.goto(program.address)
 
     def act(self, step: Callable[[Any], object]) -> None:
         """Do one action of a user, and count it."""
@@ -87,35 +107,51 @@ class App:
 
 
 @contextmanager
-def served(browser: Any, folder: Path, *arguments: str) -> Iterator[App]:
-    """`vision app` in a folder, without results of earlier measurements."""
+def running(
+    *words: str, script: str = COMMAND, cwd: Path = ROOT, **environment: str
+) -> Iterator[Program]:
+    """Start a program that announces the address of its page; kill it at the end.
+
+    Parameters
+    ----------
+    *words : str
+        Its arguments.
+    script : str
+        Python; default: the command line.
+    cwd : Path
+    **environment : str
+        Variables to set.
+    """
     process = subprocess.Popen(
-        [
-            *(sys.executable, "-c", "from pipelines.cli import app; app()"),
-            *("app", "--no-browser", "--language", "en", *arguments),
-        ],
+        [sys.executable, "-c", script, *words],
         stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
         text=True,
-        cwd=folder,
-        env={
-            **os.environ,
-            "OMP_NUM_THREADS": "1",
-            "PYTHONPATH": str(ROOT),
-            "XDG_STATE_HOME": str(folder / "state"),
-            "IMPACT_VISION_CACHE": str(folder / "cache"),
-        },
+        cwd=cwd,
+        env={**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT), **environment},
     )
     assert process.stdout is not None
+    said = ""
     try:
         for line in process.stdout:
+            said += line
             if found := re.search(r"http://127\.0\.0\.1:\d+/\?token=\S+", line):
-                yield App(process, found[0], browser)
+                yield Program(process, found[0])
                 return
-        raise RuntimeError("vision app gave no address")
+        raise RuntimeError(f"the program gave no address: {said}")
     finally:
         process.kill()
         process.wait(30)
         process.stdout.close()
+
+
+@contextmanager
+def served(browser: Any, folder: Path, *words: str) -> Iterator[App]:
+    """`vision app` in a folder, without results of earlier measurements."""
+    command = ("app", "--no-browser", "--language", "en", *words)
+    state, cache = str(folder / "state"), str(folder / "cache")
+    with running(*command, cwd=folder, XDG_STATE_HOME=state, IMPACT_VISION_CACHE=cache) as program:
+        yield App(program, browser)
 
 
 @contextmanager

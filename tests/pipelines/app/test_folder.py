@@ -1,8 +1,6 @@
 """Page Folder: what the ledger holds is displayed, and clicks change the ledger."""
 
 import json
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from bench.page.served import running
 from metrology import UsageError
 from pipelines.app.campaign import FolderInputs, FolderSession
 from pipelines.app.pages.folder import cor_options
@@ -20,7 +19,6 @@ from pipelines.campaign.ledger import AttemptOutcome, Ledger, State, WorkOrder
 from tests.pipelines.app.small import falling
 from tests.pipelines.calibrate.wizard_page import chromium, opened_plain, until
 
-ROOT = Path(__file__).parents[3]
 _SERVE = """
 import sys
 from pathlib import Path
@@ -148,14 +146,8 @@ def test_a_folder_of_pictures_is_a_clip_and_one_of_nothing_is_refused(tmp_path: 
 
 @pytest.fixture
 def address(out: Path) -> Iterator[str]:
-    process = subprocess.Popen(
-        [sys.executable, "-c", _SERVE, str(out)], cwd=ROOT, stdout=subprocess.PIPE, text=True
-    )
-    assert process.stdout is not None
-    yield process.stdout.readline().strip()
-    process.kill()
-    process.wait()
-    process.stdout.close()
+    with running(str(out), script=_SERVE) as program:
+        yield program.address
 
 
 @pytest.fixture(scope="module")

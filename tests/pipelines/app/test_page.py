@@ -1,10 +1,7 @@
 """The page in a real browser: frames, numbers, graphs, corrections, and who is refused."""
 
-import os
-import re
 import shutil
-import subprocess
-import sys
+import tempfile
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -14,12 +11,11 @@ from typing import Any
 
 import pytest
 
+from bench.page.served import ROOT, running
 from pipelines.app.corrections import ClipInputs, corrections_file, read_corrections
 from pipelines.setup.file import load_setup
 from tests.pipelines.app.small import CLIP, falling
 from tests.pipelines.calibrate.wizard_page import chromium, opened_plain, until
-
-ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="module")
@@ -29,41 +25,11 @@ def browser() -> Iterator[Any]:
 
 
 @contextmanager
-def served(*arguments: str, cwd: Path = ROOT) -> Iterator[str]:
+def served(*words: str, cwd: Path = ROOT) -> Iterator[str]:
     """Address of a running `vision app`."""
-    process = subprocess.Popen(
-        [
-            sys.executable,
-            "-c",
-            "from pipelines.cli import app; app()",
-            "app",
-            "--no-browser",
-            *arguments,
-        ],
-        stdout=subprocess.PIPE,
-        text=True,
-        cwd=cwd,
-        env={
-            **os.environ,
-            "OMP_NUM_THREADS": "1",
-            "LANG": "C",
-            "PYTHONPATH": str(ROOT),
-            "XDG_STATE_HOME": str(cwd / "state")
-            if cwd != ROOT
-            else os.environ.get("TMPDIR", "/tmp"),
-        },
-    )
-    assert process.stdout is not None
-    try:
-        for line in process.stdout:
-            if found := re.search(r"http://127\.0\.0\.1:\d+/\?token=\S+", line):
-                yield found[0]
-                return
-        raise AssertionError("no address")
-    finally:
-        process.kill()
-        process.wait(30)
-        process.stdout.close()
+    state = str(cwd / "state") if cwd != ROOT else tempfile.gettempdir()
+    with running("app", "--no-browser", *words, cwd=cwd, LANG="C", XDG_STATE_HOME=state) as program:
+        yield program.address
 
 
 def shown(page: Any) -> int:

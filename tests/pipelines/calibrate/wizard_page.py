@@ -1,82 +1,33 @@
 """A wizard that runs, and a headless Chromium to look at it with."""
 
-import os
-import re
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).parents[3]
+from bench.page import served
+from bench.page.served import ROOT, Program, running
+
 CLIP = ROOT / "sample_videos" / "clips" / "basketball_60.mp4"
 WAIT_MS = 120_000
 
 
-@dataclass
-class Wizard:
-    """A running `vision calibrate`.
-
-    Attributes
-    ----------
-    process : Popen
-    address : str
-        With its token.
-    """
-
-    process: subprocess.Popen[str]
-    address: str
-
-    @property
-    def home(self) -> str:
-        return self.address.partition("?")[0]
-
-
-@contextmanager
-def wizard(clip: Path, out: Path, *options: str) -> Iterator[Wizard]:
-    command = "from pipelines.cli import app; app()"
-    arguments = ["calibrate", str(clip), "--no-browser", "--out", str(out), *options]
-    process = subprocess.Popen(
-        [sys.executable, "-c", command, *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        cwd=ROOT,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
-    )
-    assert process.stdout is not None
-    try:
-        said = ""
-        for line in process.stdout:
-            said += line
-            if found := re.search(r"http://127\.0\.0\.1:\d+/\?token=\S+", line):
-                yield Wizard(process, found[0])
-                return
-        raise AssertionError(said)
-    finally:
-        process.kill()
-        process.wait(30)
-        process.stdout.close()
+def wizard(clip: Path, out: Path, *options: str) -> AbstractContextManager[Program]:
+    """A running `vision calibrate`."""
+    return running("calibrate", str(clip), "--no-browser", "--out", str(out), *options)
 
 
 @contextmanager
 def chromium() -> Iterator[Any]:
     """A browser; the test is skipped where there is none."""
-    path = shutil.which("chromium") or shutil.which("chromium-browser")
-    if path is None:
+    if not any(map(shutil.which, ("chromium", "chromium-browser"))):
         pytest.skip("there is no Chromium here: apt-get install chromium")
-    sync_api = pytest.importorskip("playwright.sync_api")
-    with sync_api.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=path, args=["--no-sandbox"])
-        try:
-            yield browser
-        finally:
-            browser.close()
+    pytest.importorskip("playwright.sync_api")
+    with served.chromium() as browser:
+        yield browser
 
 
 def opened_plain(browser: Any, address: str) -> Any:
