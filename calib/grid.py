@@ -10,7 +10,7 @@ locally, is the local error of the map; the map is fitted to these phases.
 """
 
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from itertools import product
 from math import gcd
 from typing import Self, TypeVar
@@ -1527,6 +1527,26 @@ def find_wall_grid(
     CalibrationError
         If the picture has no grid of squares; the message states what was found instead.
     """
+    picture = np.ascontiguousarray(image)
+    shown = (picture.tobytes(), picture.shape, picture.dtype.str)
+    found = _grid_once(*shown, pitch_m, fine_pitch_m)
+    if isinstance(found, CalibrationError):
+        raise found.with_traceback(None)
+    return found
+
+
+@lru_cache(maxsize=2)
+def _grid_once(
+    content: bytes, shape: tuple[int, int], kind: str, pitch_m: float, fine_pitch_m: float | None
+) -> WallGrid | CalibrationError:
+    """Grid of a picture, or why there is none; a corrected clip is of the same wall as before."""
+    try:
+        return _grid(np.frombuffer(content, kind).reshape(shape), pitch_m, fine_pitch_m)
+    except CalibrationError as problem:
+        return problem
+
+
+def _grid(image: NDArray[np.generic], pitch_m: float, fine_pitch_m: float | None) -> WallGrid:
     gray = np.asarray(image, dtype=np.float64)
     gray = np.asarray(gray - min(float(gray.min()), 0.0))
     grid_map, area, lattices, flat = _lattice(gray)

@@ -1,6 +1,7 @@
 """The wall grid: found, numbered, with uncertainty, or refused."""
 
 import json
+import time
 from functools import partial
 from pathlib import Path
 
@@ -191,6 +192,20 @@ def test_bright_lines_on_a_dark_wall(square_camera: Camera) -> None:
     assert not grid.dark
     true = square_camera.to_plane(grid.points_px) / 0.05
     assert np.abs(true - np.round(true)).max() < 0.2
+
+
+def test_the_same_wall_is_searched_once_and_another_pitch_anew(square_camera: Camera) -> None:
+    wall = rendered(square_camera, seed=5, samples=2)
+    start = time.process_time()
+    first = find_wall_grid(wall)
+    searched = time.process_time() - start
+    again = find_wall_grid(wall.copy())
+    assert time.process_time() - start - searched < 0.1 * searched
+    assert np.array_equal(first.points_px, again.points_px)
+    assert find_wall_grid(wall, pitch_m=0.1, fine_pitch_m=0.02).pitch_m == 0.1
+    for _ in range(2):
+        with pytest.raises(CalibrationError):
+            find_wall_grid(np.full((60, 80), 128.0))
 
 
 def test_the_origin_is_the_given_one(square_camera: Camera) -> None:
