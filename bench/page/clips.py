@@ -8,13 +8,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FPS", "RADIUS_PX", "long_clip", "short_clips"]
+from physics.bodies import GRAVITY
+
+__all__ = ["BALL_MM", "FPS", "long_clip", "short_clips"]
 
 FPS = 240
 RADIUS_PX = 9.0
 
 _FALL_PX = 0.05
 """Half the acceleration, px per frame squared; chosen: 60 frames of fall are 180 px."""
+
+BALL_MM = 1e3 * 2.0 * RADIUS_PX * GRAVITY / (2.0 * _FALL_PX * FPS**2)
+"""Diameter, mm; derived: the ball of `RADIUS_PX` that falls so with gravity."""
 
 
 def _write(path: Path, pictures: Iterator[NDArray[np.uint8]], size: tuple[int, int]) -> None:

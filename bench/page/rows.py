@@ -16,7 +16,7 @@ from typing import Any
 
 import psutil
 
-from bench.page.clips import FPS, long_clip, short_clips
+from bench.page.clips import BALL_MM, FPS, long_clip, short_clips
 from bench.page.served import ROOT, App, served
 
 __all__ = ["ROWS", "Row"]
@@ -183,7 +183,7 @@ def campaign(browser: Any, folder: Path) -> Record:
     place = str(folder / "clips")
     with served(browser, folder, place) as app:
         app.page.fill("[data-test=fps]", str(FPS))
-        app.page.fill("[data-test=ball]", "60 mm")
+        app.page.fill("[data-test=ball]", f"{BALL_MM:.2f} mm")
         app.page.click("[data-test=measure-all]")
         for done in (3, 8):
             _until_done(app, done)

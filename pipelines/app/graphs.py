@@ -55,16 +55,16 @@ class Graph:
             "nameLocation": "middle",
             "splitLine": {"lineStyle": {"opacity": 0.25}},
         }
+        # over a time, dragging selects a span
+        moves = "ctrl" if self.over_time else True
+        zoom = {"type": "inside", "filterMode": "none", "moveOnMouseMove": moves}
         width, height = ({}, {}) if self.over_time else _equal_spans(self.series)
         return {
             "animation": False,
             "legend": {"type": "scroll", "top": 0, "left": 0, "itemWidth": 12},
             "grid": {"left": 56, "right": 14, "top": 32, "bottom": 42},
             "tooltip": {"trigger": "item"},
-            "dataZoom": [
-                {"type": "inside", "xAxisIndex": 0, "filterMode": "none"},
-                {"type": "inside", "yAxisIndex": 0, "filterMode": "none"},
-            ],
+            "dataZoom": [{**zoom, "xAxisIndex": 0}, {**zoom, "yAxisIndex": 0}],
             "xAxis": {**axis, **width, "name": self.x, "nameGap": 26},
             "yAxis": {**axis, **height, "name": self.y, "nameGap": 42},
             "series": [*self.series, {"id": "cursor", "name": "", "type": "line", "data": []}],

@@ -54,7 +54,7 @@ class AppWindow:
         ui.page_title(self.say("title"))
         self._dark = ui.dark_mode(self.session.dark)
         ui.on("vision_page", lambda event: self._turn(str(event.args)))
-        for name in ("moved", "pointed", "undo", "redo"):
+        for name in ("moved", "pointed", "span", "undo", "redo"):
             ui.on(f"vision_{name}", lambda event, name=name: self._on_viewer(name, event))
         with ui.column().classes("w-full gap-0"):
             self.head()

@@ -305,9 +305,12 @@ function attach(tries) {
     const options = element && element.chart && element.chart.getOption();
     if (!options || !options.series || !options.series.length) { missing = true; continue; }
     one.chart = element.chart;
-    one.points = options.series.flatMap(part => (part.data || []).filter(row => row.length > 2));
+    one.points = options.series.flatMap(part =>
+      (part.data || []).filter(row => row.length > 2).map(row => [...row, part.name]));
     paint(one.chart);
-    one.chart.getZr().on("click", event => nearest(one, event));
+    const zr = one.chart.getZr();
+    zr.on("click", event => { const row = nearest(one, event); if (row) viewer.go(row[2]); });
+    if (one.time) select(one, zr);
   }
   if (!missing) now.stage.dataset.graphs = "ready";
   else if (tries > 0) setTimeout(() => attach(tries - 1), 100);
@@ -334,8 +337,47 @@ function nearest(one, event) {
     const far = Math.hypot(x - event.offsetX, one.time ? 0.2 * (y - event.offsetY) : y - event.offsetY);
     if (far < least) [best, least] = [row, far];
   }
-  if (best) viewer.go(best[2]);
+  return best;
 }
+// a span is dragged: of the series that is nearest to its start
+function select(one, zr) {
+  let from = null, start = null;
+  const shade = to => {
+    const ends = [from, to].map(row => ({xAxis: row[0]}));
+    one.chart.setOption({series: [{id: "fit", type: "line", data: [], silent: true, name: "",
+      markArea: {silent: true, itemStyle: {opacity: .15}, data: [ends]}}]});
+  };
+  const same = event => {
+    const time = one.chart.convertFromPixel("grid", [event.offsetX, event.offsetY])[0];
+    const rows = one.points.filter(row => row[3] === from[3]);
+    return rows.reduce((best, row) => Math.abs(row[0] - time) < Math.abs(best[0] - time) ? row : best);
+  };
+  zr.on("mousedown", event => {
+    start = event.event.ctrlKey || event.event.metaKey ? null : event.offsetX;
+    from = start === null ? null : nearest(one, event);
+  });
+  zr.on("mousemove", event => {
+    if (from && Math.abs(event.offsetX - start) > 6) shade(same(event));
+  });
+  zr.on("mouseup", event => {
+    const far = from && Math.abs(event.offsetX - start) > 6;
+    const to = far ? same(event) : null;
+    if (to) send("vision_span", {series: `${one.name}: ${from[3]}`, from: from[2], to: to[2]});
+    from = null;
+  });
+  zr.on("globalout", () => { from = null; });
+}
+viewer.fitted = (number, curve) => {
+  const color = getComputedStyle(document.body).getPropertyValue("--ink").trim();
+  now.charts.forEach((one, place) => {
+    if (!one.chart || one.chart.isDisposed()) return;
+    const data = place === number ? curve : [];
+    const ends = data.length ? [[{xAxis: data[0][0]}, {xAxis: data[data.length - 1][0]}]] : [];
+    one.chart.setOption({series: [{id: "fit", type: "line", data, showSymbol: false, silent: true,
+      name: "", z: 8, lineStyle: {color, width: 2, type: "dashed"},
+      markArea: {silent: true, itemStyle: {opacity: .12}, data: ends}}]});
+  });
+};
 function cursors() {
   const color = getComputedStyle(document.body).getPropertyValue("--accent").trim();
   for (const one of now.charts) {

@@ -103,8 +103,30 @@ _TEXTS: dict[str, tuple[str, str]] = {
     ),
     "graphs": ("Graphs", "Diagramme"),
     "graphs_note": (
-        "A click goes to that frame. The wheel zooms, dragging moves.",
-        "Ein Klick geht zu diesem Bild. Das Rad vergrößert, Ziehen verschiebt.",
+        "A click goes to that frame. Dragging over a time selects a span and fits it. The wheel"
+        " zooms, Ctrl and dragging moves.",
+        "Ein Klick geht zu diesem Bild. Ziehen über der Zeit wählt einen Abschnitt und passt ihn"
+        " an. Das Rad vergrößert, Strg und Ziehen verschiebt.",
+    ),
+    "fit_of": ("Fit", "Anpassung an"),
+    "from_frame": ("From frame", "Von Bild"),
+    "to_frame": ("To frame", "Bis Bild"),
+    "shape": ("Curve", "Kurve"),
+    "shape_line": ("line", "Gerade"),
+    "shape_parabola": ("parabola", "Parabel"),
+    "shape_sine": ("sine", "Sinus"),
+    "fit": ("Fit the span", "Abschnitt anpassen"),
+    "term_at_start": ("Value at the first point", "Wert am ersten Punkt"),
+    "term_slope": ("Slope at the first point", "Steigung am ersten Punkt"),
+    "term_curvature": ("Second derivative", "Zweite Ableitung"),
+    "term_mean": ("Mean", "Mittelwert"),
+    "term_amplitude": ("Amplitude", "Amplitude"),
+    "term_period": ("Period", "Periode"),
+    "fit_note": (
+        "{count} points, which scatter by {scatter}. The ± is of that scatter alone; scale and rate"
+        " come in addition.",
+        "{count} Punkte mit einer Streuung von {scatter}. Das ± kommt aus dieser Streuung allein;"
+        " Maßstab und Bildrate kommen hinzu.",
     ),
     "path": ("Path", "Bahn"),
     "position": ("Position", "Ort"),

@@ -7,6 +7,7 @@ from nicegui import ui
 
 from pipelines.app.corrections import ClipInputs, Corrections
 from pipelines.app.figures import LARGE_FIGURES, Figure, Standing
+from pipelines.app.pages.spans import SpanCard
 from pipelines.app.session import AppSession, ClipSession
 from pipelines.app.words import Say, label_of
 
@@ -49,6 +50,7 @@ class ClipPage:
         self._drawn: object = None
         self._opened = False
         self._mode = ""
+        self._span: SpanCard | None = None
 
     def build(self) -> None:
         """Lay the page out."""
@@ -237,13 +239,19 @@ class ClipPage:
                             ui.label(say(graph.name))
                         chart = ui.echart(graph.options()).classes("va-graph")
                         chart.props(f'role=img aria-label="{say(graph.name)}"')
-                    charts.append({"id": chart.id, "time": graph.over_time})
+                    charts.append({"id": chart.id, "time": graph.over_time, "name": graph.name})
+            self._span = SpanCard(self.clip.graphs, say)
+            self._span.build()
         ui.run_javascript(f"visionViewer.charts({json.dumps(charts)})")
 
     def on_viewer(self, name: str, sent: dict[str, Any]) -> None:
         """React to the viewer: a dragged outline, a point, undo and redo."""
         if name in ("undo", "redo"):
             getattr(self.clip, name)()
+            return
+        if name == "span":
+            if self._span is not None:
+                self._span.select(sent)
             return
         mode = self._mode
         if name == "pointed":

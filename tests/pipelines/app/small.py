@@ -10,7 +10,7 @@ from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measure.measurement import ClipMeasurement
 from pipelines.setup.file import load_setup
 
-__all__ = ["CLIP", "falling", "strike"]
+__all__ = ["CLIP", "FALL", "falling", "strike"]
 
 CLIP = Path(__file__).parents[3] / "sample_videos" / "clips" / "jokku_90_small.mp4"
 FPS, RADIUS, FALL = 120.0, 9.0, 0.11

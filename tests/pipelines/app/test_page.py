@@ -1,5 +1,6 @@
 """The page in a real browser: frames, numbers, graphs, corrections, and who is refused."""
 
+import re
 import shutil
 import tempfile
 import urllib.error
@@ -14,7 +15,7 @@ import pytest
 from bench.page.served import ROOT, running
 from pipelines.app.corrections import ClipInputs, corrections_file, read_corrections
 from pipelines.setup.file import load_setup
-from tests.pipelines.app.small import CLIP, falling
+from tests.pipelines.app.small import CLIP, FALL, falling
 from tests.pipelines.calibrate.wizard_page import chromium, opened_plain, until
 
 
@@ -109,6 +110,43 @@ def test_a_clip_from_numbers_to_a_correction(browser: Any, tmp_path: Path) -> No
         page.click(".q-menu >> text=Deutsch")
         until(page, lambda: "Ergebnisse" in page.inner_text("[data-test=numbers]"))
     assert said == []
+
+
+@pytest.mark.slow
+def test_a_span_dragged_in_a_graph_is_fitted(browser: Any, tmp_path: Path) -> None:
+    path = falling(tmp_path / "drop")
+    (tmp_path / "drop.toml").write_text("[camera]\ncapture_fps = 240\n")
+    with served(str(path)) as address:
+        page = opened_plain(browser, address)
+        stage = page.locator("[data-test=stage]")
+        stage.wait_for()
+        until(page, lambda: stage.get_attribute("data-graphs") == "ready")
+        graph = page.locator("[data-test=graphs] figure", has_text="Position").locator(".va-graph")
+        graph.scroll_into_view_if_needed()
+        box, there = graph.bounding_box(), shown(page)
+        # the lower curve of the two, as y grows downwards: the ball's y at first
+        x, y = box["x"] + 0.35 * box["width"], box["y"] + 0.8 * box["height"]
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + 0.5 * box["width"], y, steps=6)
+        page.mouse.up()
+        page.wait_for_selector("[data-test=term-curvature]")
+        assert page.input_value("[data-test=fit-from]") != page.input_value("[data-test=fit-to]")
+        # dragging is no click
+        assert shown(page) == there
+        found = re.match(r"\(?(\S+) ± (\S+?)\)?(?:·10(\S))? px/s²", curvature(page))
+        assert found is not None, curvature(page)
+        power = 10.0 ** "⁰¹²³⁴⁵⁶⁷⁸⁹".index(found[3] or "⁰")
+        value, std = power * float(found[1]), power * float(found[2])
+        assert abs(value - 2.0 * FALL * 240.0**2) < 4.0 * std
+        assert std < 0.05 * value
+        page.fill("[data-test=fit-to]", page.input_value("[data-test=fit-from]"))
+        page.click("[data-test=fit]")
+        until(page, lambda: "too few" in page.inner_text("[data-test=fit-problem]"))
+
+
+def curvature(page: Any) -> str:
+    return str(page.inner_text("[data-test=term-curvature]"))
 
 
 def test_a_broken_clip_is_a_sentence_on_the_page(browser: Any, tmp_path: Path) -> None:
