@@ -71,6 +71,7 @@ def values() -> dict[str, Callable[[], str]]:
     known["kills"] = lambda: _kills_text(read_results("kills.json"))
     known["hostile"] = lambda: _hostile_text(read_results("hostile.json"))
     known["inputs"] = lambda: _inputs_text(read_results("inputs.json"))
+    known["page"] = lambda: _page_text(read_results("page.json"))
     known["cost.table"] = lambda: _cost_table(read_results("cost.json"))
     names = read_results("acceptance.json")
     worlds = {**names["worlds"], "all": names["all"]}
@@ -88,6 +89,50 @@ def _cost_table(found: Record) -> str:
         for name, one in found.items()
     ]
     return _table(("campaign", "processor time", "memory", "named (probability)"), rows)
+
+
+def _page_text(found: Record) -> str:
+    """The page in a browser, with what is wanted in brackets; only rows that are measured."""
+
+    def lessons(one: Record) -> str:
+        done = {
+            name: each["kind_right"] and all(each["quantities"].values())
+            for name, each in one.items()
+        }
+        missing = [f"not {name}" for name, right in done.items() if not right]
+        return ", ".join([f"lessons done {sum(done.values())}", *missing])
+
+    shown: dict[str, tuple[Callable[[Record], str], ...]] = {
+        "first_numbers": (
+            lambda one: f"first numbers {one['first']['cpu_s']} s CPU (6)",
+            lambda one: f"correction {one['correction']['cpu_s']} s CPU (2)",
+        ),
+        "long": (
+            lambda one: f"step {_delay(one['step'])} (50)",
+            lambda one: f"seek in 20,000 frames {_delay(one['seek'])} (200)",
+            lambda one: f"its page {one['page_mb']:.0f} MB (300)",
+        ),
+        "actions": (lambda one: f"actions to an exported page {one['actions']} (6)",),
+        "lessons": (lambda one: f"{lessons(one)} (5)",),
+        "campaign": (
+            lambda one: f"rows lost of {one['clips']}, closed twice and killed {one['lost']} (0)",
+        ),
+        "report": (
+            lambda one: f"report screens {one['screens']} (3)",
+            lambda one: f"overflow {one['overflow_px']} px (0)",
+        ),
+        "code": (
+            lambda one: f"front ends {one['front_ends']} (1)",
+            lambda one: f"lines {one['lines']:,} (4,500)",
+        ),
+    }
+    return "; ".join(
+        say(found[name]) for name, each in shown.items() if name in found for say in each
+    )
+
+
+def _delay(found: Record) -> str:
+    return f"{found['median_ms']:.0f} ms, slowest twentieth {found['slow_ms']:.0f}"
 
 
 def _kills_text(found: Record) -> str:
