@@ -41,6 +41,7 @@ __all__ = [
     "POSITION_STD",
     "SHUTTER",
     "SPEED",
+    "STICK_LENGTH",
     "SUPPORT_HEIGHT",
     "WALL_COORDINATE",
     "Given",
@@ -519,6 +520,10 @@ SPEED = Measurand(
 
 DISTANCE = Measurand(
     "a distance", "m", 1e-3, 1000.0, "balls land between 1 mm and 1 km away", "2.5 m"
+)
+
+STICK_LENGTH = Measurand(
+    "a stick's length", "m", 1e-3, 100.0, "it is between 1 mm and 100 m", "1 m"
 )
 
 ANGLE_STD = Measurand(

@@ -205,8 +205,10 @@ def campaign(browser: Any, folder: Path) -> Record:
 
 
 def _until_done(app: App, count: int) -> None:
-    said = "document.querySelector('[data-test=counts]')?.innerText.match(/(\\d+) measured/)?.[1]"
-    app.wait(f"Number({said} || 0) >= {count}")
+    """Wait until so many clips are measured, or can't be."""
+    said = "(document.querySelector('[data-test=counts]')?.innerText || '')"
+    numbers = f"[...{said}.matchAll(/(\\d+) (measured|failed)/g)]"
+    app.wait(f"{numbers}.reduce((sum, one) => sum + Number(one[1]), 0) >= {count}")
 
 
 def report(browser: Any, folder: Path) -> Record:

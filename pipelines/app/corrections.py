@@ -1,7 +1,7 @@
 """Inputs and corrections of a clip, kept in a file next to it; undo and redo."""
 
 import math
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +10,7 @@ import tomli_w
 
 from metrology import UsageError, parse_toml, read_small_text, write_text_whole
 from metrology.files import shown_path
+from metrology.measurands import STICK_LENGTH, read_given
 from pipelines.api.quantities import measure_options
 from pipelines.measure.chain import MeasureOptions
 from pipelines.terminal import as_typed
@@ -19,10 +20,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
+    "END_STD_PX",
     "ClipInputs",
     "Corrections",
     "History",
     "ObjectMark",
+    "Stick",
     "TypedInputs",
     "as_command",
     "as_python",
@@ -36,6 +39,12 @@ __all__ = [
 
 MAX_MARKS = 10_000
 """Marks of one clip (chosen: more than anybody sets by hand)."""
+
+END_STD_PX = 1.0
+"""Std of an end of the stick, px (chosen: as well as an end is seen and placed by hand)."""
+
+MIN_STICK_PX = 5.0
+"""Length of a stick below which it gives no scale, px (chosen: ± 30 %)."""
 
 _NEAR_RADII = 1.5
 """Distance within which a mark is on a found object, radii of it (chosen)."""
@@ -89,6 +98,45 @@ class ObjectMark:
 
 
 @dataclass(frozen=True)
+class Stick:
+    """A known length in the plane of motion, whose ends were placed in the frame.
+
+    Attributes
+    ----------
+    x0_px, y0_px, x1_px, y1_px : float
+    length : str
+        As typed, such as "1 m ± 2 mm".
+    """
+
+    x0_px: float
+    y0_px: float
+    x1_px: float
+    y1_px: float
+    length: str
+
+    @property
+    def scale(self) -> str:
+        """The scale as `vision measure --scale` takes it.
+
+        Raises
+        ------
+        UsageError
+            If the length is invalid, or the ends are in one place.
+        """
+        length = read_given(self.length, STICK_LENGTH, "the stick's length")
+        pixels = math.hypot(self.x1_px - self.x0_px, self.y1_px - self.y0_px)
+        if pixels < MIN_STICK_PX:
+            raise UsageError(
+                f"the stick is {pixels:.1f} px long", hint="Place its ends further apart."
+            )
+        relative = math.hypot(
+            math.sqrt(2.0) * END_STD_PX / pixels, (length.std or 0.0) / length.value
+        )
+        value = pixels / length.value
+        return f"{value:.6g} px/m ± {value * relative:.2g} px/m"
+
+
+@dataclass(frozen=True)
 class Corrections:
     """Everything that a person entered for a clip.
 
@@ -99,11 +147,14 @@ class Corrections:
         In the order in which they were set.
     mass : ObjectMark or None
         On the pendulum's mass.
+    stick : Stick or None
+        Takes the place of a typed scale.
     """
 
     inputs: ClipInputs = field(default_factory=ClipInputs)
     ball: tuple[ObjectMark, ...] = ()
     mass: ObjectMark | None = None
+    stick: Stick | None = None
 
     def with_ball(self, mark: ObjectMark) -> "Corrections":
         """With a mark on the ball, which replaces an earlier one in the same frame."""
@@ -180,7 +231,7 @@ def read_corrections(path: Path) -> Corrections:
         return Corrections()
     name = shown_path(path)
     document = parse_toml(read_small_text(path, what="the corrections"), name)
-    unknown = document.keys() - {"inputs", "ball", "mass"}
+    unknown = document.keys() - {"inputs", "ball", "mass", "stick"}
     known = {one.name for one in fields(ClipInputs)}
     inputs = document.get("inputs", {})
     if not isinstance(inputs, dict):
@@ -195,8 +246,33 @@ def read_corrections(path: Path) -> Corrections:
         raise _wrong(name, "ball is no list of marks")
     marks = tuple(_mark(name, f"[[ball]] number {k}", one) for k, one in enumerate(ball, 1))
     return Corrections(
-        ClipInputs(**inputs), marks, None if mass is None else _mark(name, "[mass]", mass)
+        ClipInputs(**inputs),
+        marks,
+        None if mass is None else _mark(name, "[mass]", mass),
+        _stick(name, document["stick"]) if "stick" in document else None,
     )
+
+
+def _stick(name: str, held: Any) -> Stick:
+    known = [one.name for one in fields(Stick)]
+    if not isinstance(held, dict) or held.keys() != set(known):
+        raise _wrong(name, f"[stick] needs {', '.join(known)}")
+    x0, y0, x1, y1 = (_pixels(name, "[stick]", key, held[key]) for key in known[:-1])
+    if not isinstance(held["length"], str):
+        raise _wrong(name, "[stick]: length is not in quotes")
+    stick = Stick(x0, y0, x1, y1, held["length"])
+    try:
+        stick.scale  # noqa: B018
+    except UsageError as problem:
+        raise _wrong(name, f"[stick]: {problem.message}") from problem
+    return stick
+
+
+def _pixels(name: str, place: str, key: str, value: Any) -> float:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not number or not math.isfinite(value):
+        raise _wrong(name, f"{place}: {key} is {value!r}, not a number of pixels")
+    return float(value)
 
 
 def _mark(name: str, place: str, held: Any) -> ObjectMark:
@@ -205,11 +281,8 @@ def _mark(name: str, place: str, held: Any) -> ObjectMark:
     frame, x, y = (held.get(key, "missing") for key in ("frame", "x_px", "y_px"))
     if type(frame) is not int or not 0 <= frame < 2**31:
         raise _wrong(name, f"{place}: frame is {frame!r}, not a whole number from 0")
-    for key, value in (("x_px", x), ("y_px", y)):
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not number or not math.isfinite(value):
-            raise _wrong(name, f"{place}: {key} is {value!r}, not a number of pixels")
-    return ObjectMark(frame, float(x), float(y), held.get("moved") is True)
+    x, y = (_pixels(name, place, key, value) for key, value in (("x_px", x), ("y_px", y)))
+    return ObjectMark(frame, x, y, held.get("moved") is True)
 
 
 def _wrong(name: str, what: str) -> UsageError:
@@ -238,6 +311,8 @@ def write_corrections(path: Path, corrections: Corrections) -> None:
     document: dict[str, Any] = {"inputs": corrections.inputs.given()}
     if corrections.mass is not None:
         document["mass"] = table(corrections.mass)
+    if corrections.stick is not None:
+        document["stick"] = asdict(corrections.stick)
     document["ball"] = [table(mark) for mark in corrections.ball]
     text = "# Written by vision app. Positions in px, frames count from 0.\n"
     write_text_whole(path, text + tomli_w.dumps(document))
@@ -298,9 +373,17 @@ def _with_place(table: "pd.DataFrame", mark: ObjectMark) -> "pd.DataFrame":
     return pd.concat([table, row.astype(table.dtypes.to_dict())], ignore_index=True)
 
 
-def _points(corrections: Corrections, corrected: bool) -> dict[str, str]:
-    """Points as options; those on the ball where no corrected table holds them."""
-    points = {}
+def _given(corrections: Corrections, corrected: bool) -> dict[str, str]:
+    """Inputs, stick and points as options; points on the ball unless a corrected table holds them.
+
+    Raises
+    ------
+    UsageError
+        If the stick's length is invalid.
+    """
+    points = corrections.inputs.given()
+    if corrections.stick is not None:
+        points["scale"] = corrections.stick.scale
     if corrections.ball and not corrected:
         points["ball_at"] = _point(corrections.ball[-1])
     if corrections.mass is not None:
@@ -322,7 +405,7 @@ def options_of(clip: Path, corrections: Corrections, *, corrected: bool) -> Meas
     UsageError
         If an input is invalid.
     """
-    given: dict[str, Any] = {**corrections.inputs.given(), **_points(corrections, corrected)}
+    given: dict[str, Any] = {**_given(corrections, corrected)}
     if "setup" in given:
         given["setup"] = clip.parent / given["setup"]
     return measure_options(**given, cache=True)
@@ -331,7 +414,7 @@ def options_of(clip: Path, corrections: Corrections, *, corrected: bool) -> Meas
 def as_command(clip: Path, corrections: Corrections, *, corrected: bool) -> str:
     """The same measurement as a command."""
     words = ["vision", "measure", str(clip)]
-    given = {**corrections.inputs.given(), **_points(corrections, corrected)}
+    given = _given(corrections, corrected)
     for name, text in given.items():
         shown = str(clip.parent / text) if name == "setup" else text
         words += [f"--{name.replace('_', '-')}", shown]
@@ -342,7 +425,7 @@ def as_command(clip: Path, corrections: Corrections, *, corrected: bool) -> str:
 
 def as_python(clip: Path, corrections: Corrections, *, corrected: bool) -> str:
     """The same measurement in Python."""
-    given: dict[str, str] = {**corrections.inputs.given(), **_points(corrections, corrected)}
+    given = _given(corrections, corrected)
     if "setup" in given:
         given["setup"] = str(clip.parent / given["setup"])
     if corrected:

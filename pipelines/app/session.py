@@ -13,6 +13,7 @@ from pipelines.app.corrections import (
     Corrections,
     History,
     ObjectMark,
+    Stick,
     as_command,
     as_python,
     corrected_table,
@@ -153,6 +154,18 @@ class ClipSession:
         )
         now = self.corrections
         self.change(replace(now, mass=mark) if kind == "mass" else now.with_ball(mark))
+
+    def place_stick(self, stick: Stick) -> None:
+        """Take the scale from a stick in the frame, in place of a typed one.
+
+        Raises
+        ------
+        UsageError
+            If its length is invalid, or its ends are in one place.
+        """
+        _ = stick.scale
+        now = self.corrections
+        self.change(replace(now, stick=stick, inputs=replace(now.inputs, scale="")))
 
     def take(self, answer: ClipAnswer) -> None:
         """Take over what the measuring process reports."""

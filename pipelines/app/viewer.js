@@ -24,7 +24,7 @@ viewer.open = config => {
   const held = window.sessionStorage.getItem("vision-frame-" + config.clip);
   now = {...config, at: limited(Number(held) || 0, 0, Math.max(config.frames - 1, 0)), shown: -1,
          loading: -1, zoom: 1, left: 0, top: 0, mode: "", all: false, marks: empty(), charts: [],
-         cross: null, drag: null, play: null, unseen: true};
+         cross: null, drag: null, play: null, unseen: true, ends: ends(config.stick)};
   const words = config.words;
   const stage = make("div", {class: "vs-stage", tabindex: "0", role: "application",
                              "aria-label": words.stage, "data-test": "stage"}, host);
@@ -109,6 +109,11 @@ viewer.mode = mode => {
   draw();
 };
 
+// ends of the calibration stick: objects that are in every frame
+const ends = places => places.map((place, number) => place && {
+  kind: "end" + number, x: [place[0]], y: [place[1]], r: [0], rows: {get: () => 0}}).filter(Boolean);
+viewer.stick = places => { if (now) { now.ends = ends(places); draw(); } };
+
 viewer.size = () => now ? [now.width, now.height] : [0, 0];
 
 viewer.all = shown => { if (now) { now.all = shown; draw(); } };
@@ -180,6 +185,12 @@ function draw() {
     const row = one.rows.get(frame);
     if (row !== undefined && !one.measured) circle(one.x[row], one.y[row], one.r[row], "found", "");
   }
+  const stick = now.ends.map(one =>
+    now.drag && now.drag.object === one ? now.drag.place : [one.x[0], one.y[0]]);
+  for (const end of stick) cross(end, "stick");
+  if (stick.length === 2)
+    make("svg:line", {x1: stick[0][0], y1: stick[0][1], x2: stick[1][0], y2: stick[1][1],
+                      class: "vs-stick", "stroke-width": 1.6 * unit}, now.svg);
   if (marks.landing) cross(marks.landing, "landing");
   if (now.cross) cross(now.cross, "cross");
 }
@@ -216,7 +227,7 @@ function place(event) {
 function grabbed([x, y]) {
   const slack = 8 * now.width / now.layer.getBoundingClientRect().width;
   let best = null, least = Infinity;
-  for (const one of now.marks.objects) {
+  for (const one of [...now.ends, ...now.marks.objects]) {
     const row = one.kind === "other" ? undefined : one.rows.get(now.shown);
     if (row === undefined) continue;
     const far = Math.hypot(x - one.x[row], y - one.y[row]);

@@ -52,6 +52,12 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "ends": ("motion ends", "Bewegung endet"),
     "this_ball": ("This is the ball", "Das ist der Ball"),
     "this_mass": ("This is the pendulum", "Das ist das Pendel"),
+    "stick": ("Calibration stick", "Maßstab im Bild"),
+    "stick_length": ("Its length", "Seine Länge"),
+    "stick_needs_length": (
+        "Type the length of the stick, such as 1 m ± 2 mm. It must be in the plane of motion.",
+        "Die Länge eingeben, etwa 1 m ± 2 mm. Er muss in der Bewegungsebene sein.",
+    ),
     "point_at": (
         "Click it in the frame, or move the cross with the arrow keys and press Enter. Esc ends.",
         "Im Bild anklicken, oder das Kreuz mit Pfeiltasten bewegen und Enter drücken. Esc beendet.",

@@ -1,11 +1,13 @@
 """Page Clip: frame with outlines, numbers, messages, inputs and graphs."""
 
 import json
+from dataclasses import replace
 from typing import Any
 
 from nicegui import ui
 
-from pipelines.app.corrections import ClipInputs, Corrections
+from metrology import UsageError
+from pipelines.app.corrections import ClipInputs, Corrections, Stick
 from pipelines.app.figures import LARGE_FIGURES, Figure, Standing
 from pipelines.app.pages.spans import SpanCard
 from pipelines.app.session import AppSession, ClipSession
@@ -27,6 +29,17 @@ _INPUTS = (
 
 KINDS = ("strike", "flight", "drop", "bounce", "swing", "collision")
 """Kinds of motion of which quantities are measured."""
+
+
+_ENDS = ("end0", "end1")
+_PLACED = ("ball", "mass", *_ENDS)
+"""What can be placed in the frame: objects, and the ends of a calibration stick."""
+
+
+def _ends_of(stick: Stick | None) -> list[tuple[float, float] | None]:
+    if stick is None:
+        return [None, None]
+    return [(stick.x0_px, stick.y0_px), (stick.x1_px, stick.y1_px)]
 
 
 def standing_text(figure: Figure, say: Say) -> str:
@@ -51,6 +64,8 @@ class ClipPage:
         self._opened = False
         self._mode = ""
         self._span: SpanCard | None = None
+        self._stick: Stick | None = None
+        self._ends = _ends_of(None)
 
     def build(self) -> None:
         """Lay the page out."""
@@ -78,7 +93,7 @@ class ClipPage:
             ui.element("div").props("id=viewer").classes("w-full")
             with ui.row().classes("items-center gap-2 va-hidden-in-print"):
                 self._modes = {}
-                for mode, key in (("ball", "this_ball"), ("mass", "this_mass")):
+                for mode, key in (("ball", "this_ball"), ("mass", "this_mass"), ("end0", "stick")):
                     button = ui.button(say(key), on_click=lambda _, mode=mode: self._point(mode))
                     button.props(f"outline dense aria-pressed=false data-test=point-{mode}")
                     self._modes[mode] = button
@@ -86,6 +101,9 @@ class ClipPage:
                 self._undo.props("flat dense data-test=undo")
                 self._redo = ui.button(say("redo"), on_click=self.clip.redo)
                 self._redo.props("flat dense data-test=redo")
+                self._length = ui.input(say("stick_length"), placeholder="1 m ± 2 mm")
+                self._length.props("dense outlined stack-label data-test=stick-length")
+                self._length.on("keydown.enter", self._use_stick)
                 found = ui.checkbox(say("show_found"), on_change=self._show_found)
                 found.props("dense data-test=show-found")
             self._hint = ui.label(say("point_at")).classes("va-small").props("role=status")
@@ -263,16 +281,53 @@ class ClipPage:
             return
         info = self.clip.frames.info
         inside = info is not None and 0 <= frame < info.frames
-        if not inside or kind not in ("ball", "mass") or (name == "pointed" and kind != mode):
+        if not inside or kind not in _PLACED or (name == "pointed" and kind != mode):
             return
         assert info is not None
         x, y = min(max(x, -0.5), info.width - 0.5), min(max(y, -0.5), info.height - 0.5)
-        self.clip.mark(kind, frame, x, y, moved=name == "moved")
+        if kind in _ENDS:
+            self._place_end(_ENDS.index(kind), (x, y), pointed=name == "pointed")
+        else:
+            self.clip.mark(kind, frame, x, y, moved=name == "moved")
+
+    def _place_end(self, end: int, place: tuple[float, float], *, pointed: bool) -> None:
+        self._ends[end] = (round(place[0], 2), round(place[1], 2))
+        self._show_stick()
+        if pointed and end == 0:
+            self._point(_ENDS[1])
+        else:
+            self._use_stick()
+
+    def _use_stick(self) -> None:
+        first, second = self._ends
+        length = str(self._length.value or "").strip()
+        if first is None or second is None:
+            return
+        if not length:
+            ui.notify(self.say("stick_needs_length"))
+            return
+        try:
+            self.clip.place_stick(Stick(*first, *second, length))
+        except UsageError as problem:
+            ui.notify(problem.in_one_line, type="negative")
+
+    def _show_stick(self) -> None:
+        ui.run_javascript(f"visionViewer.stick({json.dumps(self._ends)})")
+
+    def _take_stick(self) -> None:
+        """Show the stick of the corrections, also after undo."""
+        stick = self.clip.corrections.stick
+        if stick != self._stick:
+            self._stick = stick
+            self._ends = _ends_of(stick)
+            self._length.set_value("" if stick is None else stick.length)
+            self._show_stick()
 
     def _point(self, mode: str) -> None:
         self._mode = "" if mode == self._mode else mode
+        pressed = _ENDS[0] if self._mode in _ENDS else self._mode
         for name, button in self._modes.items():
-            button.props(f"aria-pressed={'true' if name == self._mode else 'false'}")
+            button.props(f"aria-pressed={'true' if pressed == name else 'false'}")
         self._hint.set_visibility(bool(self._mode))
         ui.run_javascript(f"visionViewer.mode({json.dumps(self._mode)})")
 
@@ -282,7 +337,10 @@ class ClipPage:
     def _measure(self) -> None:
         texts = {name: str(field.value or "").strip() for name, field in self._fields.items()}
         now = self.clip.corrections
-        asked = Corrections(ClipInputs(**texts), now.ball, now.mass)
+        # a typed scale takes the place of a stick
+        asked = replace(
+            now, inputs=ClipInputs(**texts), stick=None if texts["scale"] else now.stick
+        )
         if asked == now:
             self.clip.begin()
         else:
@@ -310,6 +368,7 @@ class ClipPage:
         if drawn == self._drawn:
             return
         self._drawn = drawn
+        self._take_stick()
         for name, field in self._fields.items():
             field.set_value(getattr(history.now.inputs, name))
         self.numbers.refresh()
@@ -355,6 +414,7 @@ class ClipPage:
             "height": info.height,
             "frames": info.frames,
             "marks": self._marks_url,
+            "stick": self._ends,
             "words": {
                 **{name: say(name) for name in names},
                 "objects": {name: say(name) for name in ("ball", "pendulum")},

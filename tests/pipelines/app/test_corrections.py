@@ -2,15 +2,18 @@
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from metrology import OutputError, UsageError
 from pipelines.app.corrections import (
+    END_STD_PX,
     ClipInputs,
     Corrections,
     History,
     ObjectMark,
+    Stick,
     as_command,
     as_python,
     corrected_table,
@@ -21,6 +24,7 @@ from pipelines.app.corrections import (
 from vision.tracks import MotionKind
 
 CLIP = Path("/lab/a strike.mp4")
+STICK = "[stick]\nx0_px = 0\ny0_px = 0\nx1_px = {x}\ny1_px = 0\nlength = {length}"
 
 
 def test_corrections_survive_the_file(tmp_path: Path) -> None:
@@ -31,6 +35,7 @@ def test_corrections_survive_the_file(tmp_path: Path) -> None:
         inputs,
         (ObjectMark(3, 1.25, -0.5), ObjectMark(9, 2.0, 4.0, moved=True)),
         ObjectMark(0, 7.0, 8.0),
+        Stick(1.5, 2.0, 301.5, 402.0, "1 m ± 2 mm"),
     )
     write_corrections(file, corrections)
     assert read_corrections(file) == corrections
@@ -56,6 +61,11 @@ def test_corrections_survive_the_file(tmp_path: Path) -> None:
         ("[[ball]]\nframe = 1\nx_px = [1]\ny_px = 1", "x_px is"),
         ("[mass]\nframe = 1\nx_px = 1", "y_px is 'missing'"),
         ("[mass]\nframe = 1\nz_px = 1", r"\[mass\] needs frame, x_px and y_px"),
+        ("[stick]\nx0_px = 1\nlength = '1 m'", r"\[stick\] needs x0_px, y0_px"),
+        (STICK.format(x="0.0", length="'1 m'"), "stick is 0.0 px long"),
+        (STICK.format(x="9.0", length="'1 kg'"), "length '1 kg'"),
+        (STICK.format(x="9.0", length="1"), "length is not in quotes"),
+        (STICK.format(x="inf", length="'1 m'"), "x1_px is inf"),
         ("mass = [1]", r"\[mass\] needs"),
     ],
 )
@@ -170,3 +180,18 @@ def test_a_wrong_input_is_a_sentence(tmp_path: Path) -> None:
     ):
         with pytest.raises(UsageError, match=said):
             options_of(tmp_path / "a.mp4", Corrections(inputs), corrected=False)
+
+
+def test_a_stick_gives_the_scale_with_the_uncertainty_of_its_ends_and_length() -> None:
+    stick = Stick(10.0, 20.0, 310.0, 420.0, "2 m ± 4 mm")
+    options = options_of(CLIP, Corrections(stick=stick), corrected=False)
+    assert options.scale_m_per_px is not None
+    value, std = options.scale_m_per_px
+    assert value == pytest.approx(2.0 / 500.0)
+    # ends placed at random as well as stated, the length as measured
+    noise = np.random.default_rng(5).normal(size=(4000, 5))
+    ends = np.array([10.0, 20.0, 310.0, 420.0]) + END_STD_PX * noise[:, :4]
+    lengths = np.hypot(ends[:, 2] - ends[:, 0], ends[:, 3] - ends[:, 1])
+    assert std == pytest.approx(np.std((2.0 + 0.004 * noise[:, 4]) / lengths), rel=0.05)
+    assert "--scale '250 px/m ± " in as_command(CLIP, Corrections(stick=stick), corrected=False)
+    assert "scale='250 px/m ± " in as_python(CLIP, Corrections(stick=stick), corrected=False)

@@ -145,6 +145,55 @@ def test_a_span_dragged_in_a_graph_is_fitted(browser: Any, tmp_path: Path) -> No
         until(page, lambda: "too few" in page.inner_text("[data-test=fit-problem]"))
 
 
+@pytest.mark.slow
+def test_a_stick_in_the_frame_sets_the_scale(browser: Any, tmp_path: Path) -> None:
+    path = falling(tmp_path / "drop")
+    (tmp_path / "drop.toml").write_text("[camera]\ncapture_fps = 240\n")
+    file = corrections_file(path)
+    # 80 px; the ball then falls with gravity
+    length = 80.0 * 9.81 / (2.0 * FALL * 240.0**2)
+    with served(str(path)) as address:
+        page = opened_plain(browser, address)
+        page.wait_for_selector("[data-test=stage][data-shown]")
+        page.fill("[data-test=stick-length]", f"{length:.5f} m ± 0.1 mm")
+        page.click("[data-test=point-end0]")
+        page.mouse.click(*on_stage(page, 20.0, 150.0))
+        until(page, lambda: page.locator(".vs-stick").count() == 1)
+        # the other end by keyboard, from the middle
+        page.keyboard.press("ArrowUp")
+        page.keyboard.press("Enter")
+        until(page, lambda: file.is_file() and read_corrections(file).stick is not None)
+        held = read_corrections(file).stick
+        assert held is not None
+        assert (held.x1_px, held.y1_px) == (59.5, 98.5)
+        page.wait_for_selector("[data-test=stage]:not(.vs-pointing)")
+        page.mouse.move(*on_stage(page, held.x1_px, held.y1_px))
+        page.mouse.down()
+        page.mouse.move(*on_stage(page, 100.0, 150.0), steps=5)
+        page.mouse.up()
+        until(page, lambda: "--scale" in page.inner_text("[data-test=as_command]"))
+        until(page, lambda: (there := read_corrections(file).stick) is not None and there != held)
+        moved = read_corrections(file).stick
+        assert moved is not None
+        assert abs(moved.x1_px - moved.x0_px - 80.0) < 1.5
+        page.wait_for_selector("[data-test=figure-fall_acceleration]")
+        page.wait_for_selector("[data-test=busy]", state="detached")
+        fall = page.inner_text("[data-test=figure-fall_acceleration]")
+        value, std = map(float, re.search(r"([\d.]+)\s*± ([\d.]+) m/s²", fall).groups())
+        assert abs(value - 9.81) < 3.0 * std
+        page.click("[data-test=undo]")
+        until(page, lambda: read_corrections(file).stick == held)
+        page.click("[data-test=undo]")
+        until(page, lambda: page.locator(".vs-stick").count() == 0)
+        page.fill("[data-test=stick-length]", "3 kg")
+        for x in (20.0, 90.0):
+            if x == 20.0:
+                page.click("[data-test=point-end0]")
+            page.mouse.click(*on_stage(page, x, 150.0))
+            page.wait_for_timeout(600)
+        until(page, lambda: "3 kg" in page.inner_text(".q-notification"))
+
+
 def curvature(page: Any) -> str:
     return str(page.inner_text("[data-test=term-curvature]"))
 
