@@ -474,10 +474,6 @@ MAX_CONTACT_S = 0.025
 """s, maximum contact time (chosen; the paper's inflated balls: 14 to 19 ms); later frames are in
 flight."""
 
-_LANDED_BELOW_M = 0.004
-"""m above the floor at which a ball counts as landed (assumed: twice the 2 mm accuracy of an
-outline)."""
-
 _BOUNCE_M = 0.01
 """m, minimum rise after a bounce (chosen: five times the 2 mm accuracy of an outline)."""
 
@@ -521,12 +517,9 @@ def flight_end(tracks: MetricTracks, inputs: Inputs, left: float) -> float:
         ends.append(float(time[stop]))
     height = place[:, 1]
     if inputs.fall is not None:
+        # where it is struck on the floor, height says nothing: the course of the path does
         floor = tracks.rest_m[1] - inputs.fall
-        if inputs.fall <= _LANDED_BELOW_M:
-            # struck on the floor: height says nothing, the course of the path does
-            ends.append(_touch_down(time, tracks, floor, inputs.gravity))
-        else:
-            ends += [float(t) for t in time[height <= floor + _LANDED_BELOW_M][:1]]
+        ends.append(_touch_down(time, tracks, floor, inputs.gravity))
     # a jump starts another motion: a second strike has an apex of its own
     highest = int(np.argmax(height[:jump]))
     lowest = highest + int(np.argmin(height[highest:jump]))
