@@ -6,7 +6,7 @@ import math
 import os
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -479,30 +479,39 @@ KINDS = ("strike", "flight", "drop", "swing", "collision", "roll", "circle", "ca
 _SHARE = np.array([0.2, 0.16, 0.14, 0.14, 0.1, 0.1, 0.05, 0.06, 0.05])
 
 
-def draw(seed: int, kind: str | None = None) -> Labelled:
-    """A track drawn at random."""
-    rng = np.random.default_rng([20, seed])
-    width = float(rng.choice([320, 432, 640, 960, 1280]))
-    kind = str(rng.choice(KINDS, p=_SHARE)) if kind is None else kind
-    striker, period, size = None, math.nan, 1.0
+@dataclass(frozen=True)
+class _Drawn:
+    """Paths of a drawn motion, before a camera sees them; `size` is the striker's radius, px."""
+
+    kind: str
+    path: FloatArray
+    radius: float
+    striker: FloatArray | None = None
+    size: float = 1.0
+    period: float = math.nan
+
+
+def _draw_motion(rng: np.random.Generator, width: float, kind: str) -> _Drawn:
+    """Paths of one kind of motion; a fall decides itself whether it is a bounce."""
     if kind in ("drop", "flight"):
-        kind, path, radius = draw_fall(rng, width, kind)
-    elif kind == "swing":
+        return _Drawn(*draw_fall(rng, width, kind))
+    if kind == "swing":
         path, radius, period = draw_swing(rng, width)
-    elif kind == "roll":
-        path, radius = draw_roll(rng, width)
-    elif kind == "strike":
+        return _Drawn(kind, path, radius, period=period)
+    if kind == "strike":
         path, striker, radius, size = draw_strike(rng, width)
-    elif kind == "collision":
+        return _Drawn(kind, path, radius, striker, size)
+    if kind == "collision":
         path, striker, radius = draw_collision(rng, width)
-        size = radius
-    elif kind == "circle":
-        path, radius = draw_circle(rng, width)
-    elif kind == "carried":
-        path, radius = draw_carried(rng, width)
-    else:
-        path, radius = draw_none(rng, width)
-    if kind == "roll" and rng.random() < 0.25:
+        return _Drawn(kind, path, radius, striker, radius)
+    drawing = {"roll": draw_roll, "circle": draw_circle, "carried": draw_carried}
+    return _Drawn(kind, *drawing.get(kind, draw_none)(rng, width))
+
+
+def _with_company(rng: np.random.Generator, drawn: _Drawn, width: float) -> _Drawn:
+    """The same motion beside something that is taken for its striker, or without its striker."""
+    path = drawn.path
+    if drawn.kind == "roll" and rng.random() < 0.25:
         # the other end of the same body, which goes on as it came
         ahead = path[-1] - path[0]
         ahead = ahead / max(float(np.hypot(*ahead)), 1e-9)
@@ -510,49 +519,56 @@ def draw(seed: int, kind: str | None = None) -> Labelled:
             # this end is seen at rest until the other one passes
             place = path[0] + rng.uniform(0.2, 0.6) * (path[-1] - path[0])
             passed = (path - place) @ ahead > 0.0
-            striker, size = path.copy(), radius
-            path = np.where(passed[:, None], path, place)
-        else:
-            striker, size = path - rng.uniform(1.0, 8.0) * radius * ahead, radius
-    elif kind not in ("strike", "collision") and rng.random() < 0.25:
+            seen = np.where(passed[:, None], path, place)
+            return replace(drawn, path=seen, striker=path.copy(), size=drawn.radius)
+        striker = path - rng.uniform(1.0, 8.0) * drawn.radius * ahead
+        return replace(drawn, striker=striker, size=drawn.radius)
+    if drawn.kind not in ("strike", "collision") and rng.random() < 0.25:
         # something else that moves is taken for what struck it
         other = [draw_roll, draw_carried, draw_none][rng.integers(3)](rng, width)
         spot = path[rng.integers(len(path))] + rng.normal(0, 0.3 * width, 2)
         many = min(len(other[0]), len(path))
-        striker, size = other[0][:many] - other[0][many // 2] + spot, other[1]
-    elif kind in ("strike", "collision") and rng.random() < 0.35:
-        striker = None
+        striker = other[0][:many] - other[0][many // 2] + spot
+        return replace(drawn, striker=striker, size=other[1])
+    if drawn.kind in ("strike", "collision") and rng.random() < 0.35:
         # what hit it was not seen: a body that rolls
-        kind = "roll" if kind == "collision" else kind
-    if striker is None and rng.random() < 0.15:
-        path = receding(rng, path)
-    both = path if striker is None else np.concatenate([path, striker])
-    shown = seen_through(rng, both, width)
-    side = np.random.default_rng([21, seed])
+        kind = "roll" if drawn.kind == "collision" else drawn.kind
+        return replace(drawn, kind=kind, striker=None)
+    return drawn
+
+
+def _filmed(
+    rng: np.random.Generator, side: np.random.Generator, paths: list[FloatArray], width: float
+) -> list[FloatArray]:
+    """Paths of bodies as a camera shows them, not always upright, not always on a tripod."""
+    shown = seen_through(rng, np.concatenate(paths), width)
     if side.random() < 0.08:
         # a camera on its side
         shown = shown[:, ::-1] * side.choice([[1.0, -1.0], [-1.0, 1.0]])
+    sway = np.zeros_like(shown[: max(map(len, paths))])
     if rng.random() < 0.15:
         # what the registration of a hand-held camera leaves
-        sway = smooth(
-            rng,
-            max(len(path), len(both) - len(path)),
-            rng.uniform(10, 80),
-            10 ** rng.uniform(-0.5, 0.4),
-        )
-        shown = shown + np.concatenate([sway[: len(path)], sway[: len(both) - len(path)]])
-    ball = detected(rng, shown[: len(path)], radius)
+        sway = smooth(rng, len(sway), rng.uniform(10, 80), 10 ** rng.uniform(-0.5, 0.4))
+    cuts = np.cumsum([len(path) for path in paths])[:-1]
+    return [part + sway[: len(part)] for part in np.split(shown, cuts)]
+
+
+def draw(seed: int, kind: str | None = None) -> Labelled:
+    """A track drawn at random."""
+    rng = np.random.default_rng([20, seed])
+    width = float(rng.choice([320, 432, 640, 960, 1280]))
+    kind = str(rng.choice(KINDS, p=_SHARE)) if kind is None else kind
+    drawn = _with_company(rng, _draw_motion(rng, width, kind), width)
+    path, striker = drawn.path, drawn.striker
+    if striker is None and rng.random() < 0.15:
+        path = receding(rng, path)
+    paths = [path] if striker is None else [path, striker]
+    shown = _filmed(rng, np.random.default_rng([21, seed]), paths, width)
+    ball = detected(rng, shown[0], drawn.radius)
     if rng.random() < 0.2:
         ball = strayed(rng, ball, width)
-    if kind != "swing" or np.ptp(ball.frame) < len(path) - 2:
-        period = period if kind == "swing" else math.nan
-    return Labelled(
-        f"drawn {seed}",
-        kind,
-        ball,
-        None if striker is None else detected(rng, shown[len(path) :], size),
-        period,
-    )
+    other = None if striker is None else detected(rng, shown[1], drawn.size)
+    return Labelled(f"drawn {seed}", drawn.kind, ball, other, drawn.period)
 
 
 # ------------------------------------------------------------------ simulations of the shared labs
