@@ -175,8 +175,10 @@ def link(
     # false detections for each px²: what is found, spread over the picture
     density = len(seen) / (len(frames) * float(shape[0] * shape[1]))
     marks = _LinkMarks(
-        *(seen.frame.astype(np.float64), step, seen.centre_px, seen.radius_px, seen.colour),
-        *(node_worth(seen, known), density, known),
+        *(seen.frame.astype(np.float64), step, seen.centre_px, seen.radius_px),
+        *(np.log(seen.radius_px), seen.colour, node_worth(seen, known)),
+        _most_turns(seen.radius_px, density, known),
+        *(density, math.log(known.missed), known),
     )
     pairs = _pairs(marks)
     alive = np.ones(len(seen), dtype=bool)
@@ -200,10 +202,20 @@ class _LinkMarks(NamedTuple):
     step: IntArray
     centre: FloatArray
     radius: FloatArray
+    log_radius: FloatArray
     colour: FloatArray
     worth: FloatArray
+    turns: FloatArray
+    """Log odds at most of the changes of velocity before and at each row."""
     density: float
+    log_missed: float
     weights: LinkParameters
+
+
+def _most_turns(radius: FloatArray, density: float, known: LinkParameters) -> FloatArray:
+    """Log odds of two steps without any change, next to the smallest neighbour there could be."""
+    noise = known.place_px**2 + (0.5 * known.place_radii * radius) ** 2
+    return np.asarray(-2.0 * np.log(4.0 * np.pi * noise * density))
 
 
 @dataclass(frozen=True)
@@ -286,7 +298,7 @@ def _whole_odds(rows: IntArray, marks: _LinkMarks) -> float:
     for i in range(1, len(rows)):
         odds += marks.worth[rows[i]] + _alike(rows[i - 1], rows[i], marks)
         missed = marks.step[rows[i]] - marks.step[rows[i - 1]] - 1
-        odds += missed * math.log(marks.weights.missed)
+        odds += missed * marks.log_missed
         if i > 1:
             odds += _turn(rows[i - 2], rows[i - 1], rows[i], marks)
     return float(odds)
@@ -317,8 +329,7 @@ def _going_on(head: IntArray, stop: int, tail: IntArray, start: int, marks: _Lin
     steps = marks.step[c] - marks.step[b] - 1
     if steps >= _MAX_GAP or not _near(b, c, marks):
         return _NEVER
-    odds = _alike(b, c, marks)
-    odds += steps * math.log(marks.weights.missed)
+    odds = _alike(b, c, marks) + steps * marks.log_missed
     if a != b:
         odds += _turn(a, b, c, marks)
     if c != d:
@@ -338,19 +349,32 @@ def _best_exchange(
 ) -> tuple[float, int, int]:
     """Most log odds gained by an exchange of tails, and the rows before it in each chain."""
     best, most_i, most_j = 0.0, 0, 0
-    frame, j = marks.frame, 0
+    frame, step, size, j = marks.frame, marks.step, marks.log_radius, 0
+    alike = 4.0 * marks.weights.log_radius
     for i in range(len(one) + 1):
         while j < len(other) and i > 0 and frame[other[j]] <= frame[one[i - 1]]:
             j += 1
         k = j
         while True:
             if (i > 0 or k > 0) and (i < len(one) or k < len(other)):
-                gain = -one_held[i] - other_held[k]
-                gain += _best_start(one, i, other, k, other_anew, marks)
-                gain += _best_start(other, k, one, i, one_anew, marks)
-                if gain > best:
-                    gain -= _dropped(one, one_held, i, other, other_held, k, marks)
-                    gain -= _dropped(other, other_held, k, one, one_held, i, marks)
+                first = other_anew[k] if k < len(other) else 0.0
+                second = one_anew[i] if i < len(one) else 0.0
+                held = one_held[i] + other_held[k]
+                # calls take most of the time: only where sizes and frames allow a tail to go on
+                if i > 0 and k < len(other):
+                    last, new = one[i - 1], other[k]
+                    if step[new] - step[last] <= _MAX_GAP and abs(size[new] - size[last]) <= alike:
+                        first = max(first, _promised(last, new, marks))
+                if k > 0 and i < len(one):
+                    last, new = other[k - 1], one[i]
+                    if step[new] - step[last] <= _MAX_GAP and abs(size[new] - size[last]) <= alike:
+                        second = max(second, _promised(last, new, marks))
+                if first + second - held > best:
+                    gain = _best_start(one, i, other, k, other_anew, marks) - held
+                    gain += _best_start(other, k, one, i, one_anew, marks)
+                    if gain > best:
+                        gain -= _dropped(one, one_held, i, other, other_held, k, marks)
+                        gain -= _dropped(other, other_held, k, one, one_held, i, marks)
                     if gain > best:
                         best, most_i, most_j = gain, i, k
             if k == len(other) or (i < len(one) and frame[other[k]] >= frame[one[i]]):
@@ -369,6 +393,14 @@ def _best_start(
     if stop == 0:
         return float(anew[start])
     return float(max(anew[start], _going_on(head, stop, tail, start, marks)))
+
+
+@compiled
+def _promised(head: int, tail: int, marks: _LinkMarks) -> float:
+    """Log odds of going on from a row to another at most, without the change of velocity."""
+    if not _near(head, tail, marks):
+        return _NEVER
+    return float(_alike(head, tail, marks) + marks.turns[tail])
 
 
 @compiled
@@ -396,12 +428,13 @@ def _dropped(
 def _begun(one: int, other: int, marks: _LinkMarks) -> float:
     """Log odds that an object begins with a step, and another has ended."""
     known = marks.weights
-    away = marks.centre[other] - marks.centre[one]
+    across = marks.centre[other, 0] - marks.centre[one, 0]
+    down = marks.centre[other, 1] - marks.centre[one, 1]
     size = 0.5 * (marks.radius[one] + marks.radius[other])
     share = known.place_radii * size
     reach = known.speed_radii * size * (marks.frame[other] - marks.frame[one])
     scale = 2.0 * (known.place_px * known.place_px + share * share) + reach * reach
-    anew = -1.5 * math.log(1.0 + (away[0] * away[0] + away[1] * away[1]) / scale)
+    anew = -1.5 * math.log(1.0 + (across * across + down * down) / scale)
     anew += 2.0 * math.log(known.begins)
     return float(anew - math.log(6.2832 * scale * marks.density))
 
@@ -414,14 +447,16 @@ def _turn(one: int, middle: int, other: int, marks: _LinkMarks) -> float:
     elapsed = marks.frame[other] - marks.frame[middle]
     size = 0.5 * (marks.radius[middle] + marks.radius[other])
     ratio = elapsed / earlier
-    off = marks.centre[other] - marks.centre[middle]
-    off = off - ratio * (marks.centre[middle] - marks.centre[one])
+    across = marks.centre[other, 0] - marks.centre[middle, 0]
+    down = marks.centre[other, 1] - marks.centre[middle, 1]
+    across -= ratio * (marks.centre[middle, 0] - marks.centre[one, 0])
+    down -= ratio * (marks.centre[middle, 1] - marks.centre[one, 1])
     share = known.place_radii * size
     pull = known.change_radii * size * 0.5 * elapsed * (elapsed + earlier)
     wide = known.place_px * known.place_px + share * share
     wide = wide * (2.0 + 2.0 * ratio + 2.0 * ratio * ratio) + pull * pull
     freedom = known.change_freedom
-    odds = math.log(1.0 + (off[0] * off[0] + off[1] * off[1]) / (wide * freedom))
+    odds = math.log(1.0 + (across * across + down * down) / (wide * freedom))
     return float(-0.5 * (freedom + 2.0) * odds - math.log(6.2832 * wide * marks.density))
 
 
@@ -517,7 +552,7 @@ def _weigh(
             off = ((looks[head, 1:] - looks[tail, 1:]) ** 2).sum()
             odds = -0.5 * ratio * ratio - 2.0 * math.log(1.0 + off / known.colour**2)
             if gap > 1.0:
-                odds += math.log(known.missed) + (gap - 1.0) * math.log(known.stays_missed)
+                odds += marks.log_missed + (gap - 1.0) * math.log(known.stays_missed)
             odds += _turn(a, b, c, marks) + _turn(b, c, d, marks) - _begun(c, d, marks)
             gains[head, tail] = odds
 
@@ -585,7 +620,7 @@ def _linked(
             for other in range(bounds[place], bounds[place + 1]):
                 if not _near(other, row, marks):
                     continue
-                odds[count] = _alike(other, row, marks) + (gap - 1) * math.log(marks.weights.missed)
+                odds[count] = _alike(other, row, marks) + (gap - 1) * marks.log_missed
                 early[count], late[count] = other, row
                 count += 1
     start[len(step)] = count
@@ -595,13 +630,13 @@ def _linked(
 @compiled
 def _near(one: int, other: int, marks: _LinkMarks) -> bool:
     """Whether two detections may be of one object: within four scales, sixty of its speed."""
-    radius, known = marks.radius, marks.weights
-    if abs(math.log(radius[other] / radius[one])) > 4.0 * known.log_radius:
+    if abs(marks.log_radius[other] - marks.log_radius[one]) > 4.0 * marks.weights.log_radius:
         return False
-    away = marks.centre[other] - marks.centre[one]
-    reach = 60.0 * known.speed_radii * (marks.frame[other] - marks.frame[one]) + 4.0
-    reach *= 0.5 * (radius[one] + radius[other])
-    return bool(away[0] * away[0] + away[1] * away[1] <= reach * reach)
+    reach = 60.0 * marks.weights.speed_radii * (marks.frame[other] - marks.frame[one]) + 4.0
+    reach *= 0.5 * (marks.radius[one] + marks.radius[other])
+    across = marks.centre[other, 0] - marks.centre[one, 0]
+    down = marks.centre[other, 1] - marks.centre[one, 1]
+    return bool(across * across + down * down <= reach * reach)
 
 
 @compiled
@@ -611,13 +646,13 @@ def _alike(one: int, other: int, marks: _LinkMarks) -> float:
     Radii of false detections spread over three octaves, colours over a cube.
     """
     log_radius, scale = marks.weights.log_radius, marks.weights.colour
-    ratio = math.log(marks.radius[other] / marks.radius[one]) / log_radius
+    ratio = (marks.log_radius[other] - marks.log_radius[one]) / log_radius
     off = 0.0
     for channel in range(3):
         off += (marks.colour[other, channel] - marks.colour[one, channel]) ** 2
     odds = -0.5 * ratio * ratio - math.log(log_radius * 2.5066 / 2.0)
     odds += -2.0 * math.log(1.0 + off / (scale * scale))
-    return odds + 3.0 * math.log(40.0 / (scale + 10.0))
+    return float(odds + 3.0 * math.log(40.0 / (scale + 10.0)))
 
 
 @compiled
