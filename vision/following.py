@@ -345,9 +345,7 @@ def _followed_in(
     others = _others(scene, found, came, capture_fps)
     beside = others[0].track if came is not None else None
     pendulum = _pendulum(striker, rest, capture_fps)
-    motion = interpret_tracks(ball, pendulum, beside, kind)
-    # a kind is right only if the object is
-    motion = replace(motion, probability=motion.probability * found.probability)
+    motion = interpret_tracks(ball, pendulum, beside, kind).of_object(found.probability)
     if motion.kind is MotionKind.SWING:
         rest_frames = None
     unmet = motion.kind in (MotionKind.NONE, MotionKind.SWING) and mass_at is None

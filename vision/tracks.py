@@ -82,7 +82,8 @@ class Motion:
     kind : MotionKind
         The most probable kind.
     probability : float
-        Its probability among the kinds, 0 to 1.
+        Its probability among the kinds, 0 to 1; once the object is known, that object and kind are
+        right.
     reasons : tuple of str
         The evidence, in whole sentences.
     frames : (2,) tuple of int or None
@@ -102,6 +103,11 @@ class Motion:
     frames: tuple[int, int] | None = None
     alternatives: tuple[tuple[MotionKind, float], ...] = ()
     fall_px: tuple[float, float] | None = None
+
+    def of_object(self, probability: float) -> "Motion":
+        """The same where it is the right object with a probability: then only is a kind right."""
+        rest = tuple((kind, share * probability) for kind, share in self.alternatives)
+        return replace(self, probability=self.probability * probability, alternatives=rest)
 
     @property
     def measured_as(self) -> MotionKind:

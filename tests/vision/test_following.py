@@ -45,6 +45,16 @@ def test_the_struck_ball_is_followed_to_a_tenth_of_a_pixel(
     assert np.sqrt(np.mean(error**2)) < 0.1
 
 
+def test_kinds_and_another_object_are_all_there_is(
+    struck: tuple[Tracks, np.ndarray, np.ndarray],
+) -> None:
+    tracks, _, _ = struck
+    assert tracks.found is not None
+    shares = [part for _, part in tracks.motion.alternatives]
+    assert sum(shares) + tracks.motion.probability == pytest.approx(tracks.found.probability)
+    assert max(shares) <= tracks.motion.probability
+
+
 def test_a_ball_is_one_before_and_after_frames_that_were_dropped() -> None:
     clip, truth, _ = struck_ball(100)
     lost = set(range(57, 74))
