@@ -21,7 +21,7 @@ from pipelines.api.wording import in_python
 from pipelines.measure.budget import Propagation
 from pipelines.measure.chain import MeasureOptions
 from pipelines.measure.files import column_of, without_formulas
-from pipelines.report.inputs import quantity_label, quantity_text
+from pipelines.report.inputs import quantity_label, quantity_rows, quantity_text
 from pipelines.report.page import results_html
 from pipelines.setup.file import Setup, load_setup
 from vision.tracks import MotionKind
@@ -226,8 +226,9 @@ class Quantities(Mapping[str, QuantityView]):
         return len(self._views)
 
     def __repr__(self) -> str:
-        wide = max((len(quantity_label(name)) for name in self), default=0)
-        lines = [f"{quantity_label(name):<{wide}}  {view}" for name, view in self.items()]
+        rows = quantity_rows(self._plain)
+        wide = max((len(label) for label, _, known in rows if known), default=0)
+        lines = [f"{label:<{wide}}  {text}" for label, text, _ in rows]
         return "\n".join([self._title, *lines] if self._title else lines)
 
     def _repr_html_(self) -> str:

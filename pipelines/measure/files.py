@@ -26,7 +26,7 @@ from pipelines.report import (
     ReportInput,
     SpeedRecord,
 )
-from pipelines.report.inputs import quantity_label, quantity_text
+from pipelines.report.inputs import quantity_label, quantity_rows, quantity_text
 from vision.clip.clip import ClipReader
 from vision.overlay import OverlayMarks, overlay_still, png_bytes
 from vision.stages import candidate_table, detect, detection_table, interpret, link
@@ -247,11 +247,15 @@ def results_table(measured: ClipMeasurement, names: Sequence[str] | None = None)
     table = Table(title=Path(measured.info.path).name, title_justify="left")
     table.add_column("quantity")
     table.add_column("value ± standard uncertainty", overflow="fold")
-    other_speeds = [item for item in _other_speeds(measured, names) if item.known]
-    for item in (*measured.quantities, *other_speeds):
-        seen = item.known or measured.motion.measured_as in kinds_of(item.name)
-        if item in other_speeds or (seen and (names is None or item.name in names)):
-            table.add_row(quantity_label(item.name), quantity_text(item))
+    asked = [
+        item
+        for item in measured.quantities
+        if item.known or measured.motion.measured_as in kinds_of(item.name)
+        if names is None or item.name in names
+    ]
+    speeds = [item for item in _other_speeds(measured, names) if item.known]
+    for label, text, _ in quantity_rows([*asked, *speeds]):
+        table.add_row(label, text)
     return table
 
 

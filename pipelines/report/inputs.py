@@ -4,6 +4,7 @@ Positions and times are SI: x from the ball's centre at rest, y up from the floo
 first frame.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -25,6 +26,7 @@ __all__ = [
     "SpeedRecord",
     "for_people",
     "quantity_label",
+    "quantity_rows",
     "quantity_text",
 ]
 
@@ -276,6 +278,18 @@ def quantity_text(quantity: Quantity) -> str:
     if quantity.std == 0.0:
         return format_value(quantity.value, None, quantity.unit)
     return format_quantity(for_people(quantity))
+
+
+def quantity_rows(quantities: Iterable[Quantity]) -> list[tuple[str, str, bool]]:
+    """Label, text and whether it is known: first what is known, then each reason, once for all."""
+    known, missing = [], dict[str, list[str]]()
+    for one in quantities:
+        label, text = quantity_label(one.name), quantity_text(one)
+        if one.known:
+            known.append((label, text, True))
+        else:
+            missing.setdefault(text, []).append(label)
+    return known + [("; ".join(labels), text, False) for text, labels in missing.items()]
 
 
 def for_people(quantity: Quantity) -> Quantity:

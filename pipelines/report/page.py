@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from metrology import Contribution, Quantity, write_text_whole
 from metrology.quantity import format_pair, format_unit
 from pipelines.doors import DATE
-from pipelines.report.inputs import ReportInput, for_people, quantity_label, quantity_text
+from pipelines.report.inputs import ReportInput, for_people, quantity_label, quantity_rows
 
 if TYPE_CHECKING:
     from pipelines.report.plots import Panel
@@ -29,7 +29,7 @@ MAX_MAIN_ROWS = 5
 _CELL = """<div style="max-width:60rem">
 {% if title %}<div><b>{{ title }}</b></div>{% endif %}
 {% for warning in warnings %}<div style="border-left:4px solid #b03a00;padding:.1rem .6rem;
-margin:.2rem 0">{{ warning }}</div>{% endfor %}
+margin:.2rem 0">{{ warning[:1]|upper }}{{ warning[1:] }}</div>{% endfor %}
 {% if still %}<img alt="a frame with ball, pendulum and path drawn into it"
 src="data:image/jpeg;base64,{{ still }}" style="max-width:100%;margin:.4rem 0">{% endif %}
 <table><thead><tr><th style="text-align:left">quantity</th>
@@ -60,7 +60,7 @@ def results_html(
     str
         HTML; every text in it is escaped.
     """
-    rows = [(quantity_label(q.name), quantity_text(q), q.value is not None) for q in quantities]
+    rows = quantity_rows(quantities)
     still = None if still_png is None else base64.b64encode(_as_jpeg(still_png)).decode("ascii")
     # imported here: not every command that shows results writes a page
     from jinja2 import Environment, StrictUndefined
