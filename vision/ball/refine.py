@@ -278,14 +278,20 @@ def _evenly(places: IntArray, count: int) -> IntArray:
 
 
 def _lowest(values: FloatArray, rms_residuals: FloatArray) -> float:
-    """Where a parabola through the lowest misfit and its neighbours has its bottom."""
+    """Where a parabola through the lowest misfit and its neighbours has its bottom.
+
+    At either end through the last three, so that of two values that fit alike either tells the
+    same.
+    """
     best = int(np.argmin(rms_residuals))
-    if best in (0, len(values) - 1) or not np.all(np.isfinite(rms_residuals[best - 1 : best + 2])):
+    first = min(max(best - 1, 0), len(values) - 3)
+    three = slice(first, first + 3)
+    if not np.all(np.isfinite(rms_residuals[three])):
         return float(values[best])
-    bend, slope, _ = np.polyfit(values[best - 1 : best + 2], rms_residuals[best - 1 : best + 2], 2)
+    bend, slope, _ = np.polyfit(values[three], rms_residuals[three], 2)
     if bend <= 0:
         return float(values[best])
-    return float(np.clip(-0.5 * slope / bend, values[best - 1], values[best + 1]))
+    return float(np.clip(-0.5 * slope / bend, values[first], values[first + 2]))
 
 
 class _CommonShape:

@@ -65,6 +65,10 @@ def test_the_bottom_of_a_parabola_is_found_between_what_was_tried() -> None:
     values = np.array([0.3, 0.5, 0.7, 0.9])
     assert _lowest(values, (values - 0.63) ** 2) == pytest.approx(0.63)
     assert _lowest(values, values) == 0.3
+    # which of two values that fit alike is the lower is left to rounding
+    misfit = (values - 0.5 * (values[0] + values[1])) ** 2
+    nudge = 1e-12 * np.eye(len(values))
+    assert _lowest(values, misfit + nudge[0]) == pytest.approx(_lowest(values, misfit + nudge[1]))
 
 
 def test_motion_of_second_order_is_no_unrest() -> None:
