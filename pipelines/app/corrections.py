@@ -1,6 +1,7 @@
 """Inputs and corrections of a clip, kept in a file next to it; undo and redo."""
 
 import math
+import shlex
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,6 +32,7 @@ __all__ = [
     "as_python",
     "corrected_table",
     "corrections_file",
+    "cure_of",
     "options_of",
     "read_corrections",
     "table_file",
@@ -160,6 +162,14 @@ class Corrections:
         """With a mark on the ball, which replaces an earlier one in the same frame."""
         kept = tuple(one for one in self.ball if one.frame != mark.frame)
         return replace(self, ball=(*kept, mark))
+
+
+def cure_of(option: str) -> tuple[str, str] | None:
+    """Input and text of an option that the checker proposes; None if it is no input of a clip."""
+    name, _, text = option.partition(" ")
+    key = name.removeprefix("--").replace("-", "_")
+    known = {one.name for one in fields(ClipInputs)}
+    return (key, " ".join(shlex.split(text))) if text and key in known else None
 
 
 class History:

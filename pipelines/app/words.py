@@ -73,6 +73,7 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "missing": ("not measured: {why}", "nicht gemessen: {why}"),
     "made_of": ("What is this ± made of?", "Woraus besteht dieses ±?"),
     "more": ("All {count} quantities", "Alle {count} Größen"),
+    "cure": ("Use {what}: {text}", "{what} einsetzen: {text}"),
     "messages": ("Messages", "Meldungen"),
     "inputs": ("Inputs", "Eingaben"),
     "fps": ("Capture rate", "Bildrate"),

@@ -127,6 +127,8 @@ class Finding:
         What sets the value: ``--wall-grid 50mm``.
     value, std : float or None
         With which everything fits, SI.
+    cures : tuple of str
+        Options of which each alone makes everything fit and is likely; `option` is the first.
     """
 
     key: str
@@ -134,6 +136,7 @@ class Finding:
     option: str
     value: float | None = None
     std: float | None = None
+    cures: tuple[str, ...] = ()
 
 
 def findings_of(facts: SceneFacts) -> tuple[Finding, ...]:
@@ -452,7 +455,8 @@ def _joined(found: Contradictory, cures: Sequence[_Cure], names: Sequence[str]) 
         )
     if odd:
         sentence += f" Less likely: {'; '.join(cure.in_words for cure in odd)}."
-    return Finding(best.cause.key, sentence, best.option, best.cause.value, best.cause.std)
+    cause, options = best.cause, tuple(one.option for one in likely)
+    return Finding(cause.key, sentence, best.option, cause.value, cause.std, options)
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -2,12 +2,13 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from nicegui import ui
 
 from metrology import UsageError
-from pipelines.app.corrections import ClipInputs, Corrections, Stick
+from pipelines.app.corrections import ClipInputs, Corrections, Stick, cure_of
 from pipelines.app.figures import LARGE_FIGURES, Figure, Standing
 from pipelines.app.pages.spans import SpanCard
 from pipelines.app.session import AppSession, ClipSession
@@ -200,13 +201,32 @@ class ClipPage:
         said = [] if measured is None else list(measured.warnings)
         if not said:
             return
-        contradictions = set() if measured is None else {one.sentence for one in measured.findings}
+        findings = () if measured is None else measured.findings
+        contradictions = {one.sentence: one.cures for one in findings}
         with ui.column().classes("va-card").props("data-test=messages"):
             with ui.element("h2"):
                 ui.label(self.say("messages"))
             for sentence in said:
                 kind = "bad" if sentence in contradictions else "warn"
-                ui.label(sentence).classes(f"va-note {kind}")
+                with ui.column().classes(f"va-note {kind} gap-1"):
+                    ui.label(sentence)
+                    self._cures(contradictions.get(sentence, ()))
+
+    def _cures(self, options: tuple[str, ...]) -> None:
+        """A button for each input that alone resolves a contradiction."""
+        keys = {name: key for name, key, _ in _INPUTS}
+        for found in map(cure_of, options):
+            if found is None:
+                continue
+            name, text = found
+            said = self.say("cure", what=self.say(keys[name]), text=text)
+            button = ui.button(said, on_click=partial(self._use, name, text))
+            button.props(f"outline dense no-caps data-test=cure-{name}")
+
+    def _use(self, name: str, text: str) -> None:
+        now = self.clip.corrections
+        stick = None if name == "scale" else now.stick
+        self.clip.change(replace(now, inputs=replace(now.inputs, **{name: text}), stick=stick))
 
     def _inputs_card(self) -> None:
         say = self.say

@@ -17,6 +17,7 @@ from pipelines.app.corrections import (
     as_command,
     as_python,
     corrected_table,
+    cure_of,
     options_of,
     read_corrections,
     write_corrections,
@@ -195,3 +196,10 @@ def test_a_stick_gives_the_scale_with_the_uncertainty_of_its_ends_and_length() -
     assert std == pytest.approx(np.std((2.0 + 0.004 * noise[:, 4]) / lengths), rel=0.05)
     assert "--scale '250 px/m ± " in as_command(CLIP, Corrections(stick=stick), corrected=False)
     assert "scale='250 px/m ± " in as_python(CLIP, Corrections(stick=stick), corrected=False)
+
+
+def test_a_proposed_option_is_an_input_of_the_clip() -> None:
+    assert cure_of("--scale '2.44 mm/px'") == ("scale", "2.44 mm/px")
+    assert cure_of("--wall-grid 50mm") == ("wall_grid", "50mm")
+    assert cure_of('measure both again. distance_to_wall = "4 m" in [camera]') is None
+    assert cure_of("--fps") is None

@@ -194,6 +194,26 @@ def test_a_stick_in_the_frame_sets_the_scale(browser: Any, tmp_path: Path) -> No
         until(page, lambda: "3 kg" in page.inner_text(".q-notification"))
 
 
+@pytest.mark.slow
+def test_the_cure_of_a_contradiction_is_a_button(browser: Any, tmp_path: Path) -> None:
+    path = tmp_path / "throw.mp4"
+    shutil.copyfile(ROOT / "docs" / "lessons" / "throw.mp4", path)
+    # filmed with 240 frames per second
+    corrections_file(path).write_text(
+        '[inputs]\nfps = "120"\nball = "201.75 mm"\nwall_grid = "50 mm"\n'
+    )
+    with served(str(path)) as address:
+        page = opened_plain(browser, address)
+        page.wait_for_selector("[data-test=cure-fps]")
+        assert "240" in page.inner_text("[data-test=cure-fps]")
+        page.click("[data-test=cure-fps]")
+        page.wait_for_selector("[data-test=cure-fps]", state="detached")
+        page.wait_for_selector("[data-test=figure-flight_speed]")
+        assert read_corrections(corrections_file(path)).inputs.fps == "240"
+        page.click("[data-test=undo]")
+        page.wait_for_selector("[data-test=cure-fps]")
+
+
 def curvature(page: Any) -> str:
     return str(page.inner_text("[data-test=term-curvature]"))
 
