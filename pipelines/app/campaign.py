@@ -20,8 +20,10 @@ from metrology import (
 )
 from metrology.quantity import format_quantity
 from pipelines.app.corrections import TypedInputs
+from pipelines.app.openings import free_place
 from pipelines.campaign.conduct import CampaignOptions, conduct, results_folder
 from pipelines.campaign.ledger import Entry, Ledger, State
+from pipelines.campaign.results import read_lab_book
 from pipelines.report.inputs import for_people
 from pipelines.terminal import as_typed
 
@@ -163,6 +165,34 @@ class FolderSession:
             self.problem = problem.in_one_line
             return
         self._run()
+
+    def paste(self, text: str) -> str:
+        """Keep a table copied from a spreadsheet as the lab book.
+
+        Parameters
+        ----------
+        text : str
+            Lines of cells between tabs, the first with the names of the columns.
+
+        Returns
+        -------
+        str
+            Name of its new file in the folder.
+
+        Raises
+        ------
+        ImpactVisionError
+            If it is no lab book; then nothing is kept.
+        """
+        assert self.clips is not None
+        place = free_place(self.clips, "trials.csv")
+        write_text_whole(place, text.strip("\r\n") + "\n")
+        try:
+            read_lab_book(place)
+        except ImpactVisionError:
+            place.unlink()
+            raise
+        return place.name
 
     def finish(self) -> None:
         """Wait until nothing is being measured any more."""

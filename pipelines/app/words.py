@@ -204,6 +204,12 @@ _TEXTS: dict[str, tuple[str, str]] = {
         "Messung: {done} gemessen, {failed} misslungen, {running} in Arbeit, {waiting} warten",
     ),
     "trials": ("Lab book (CSV or XLSX)", "Laborbuch (CSV oder XLSX)"),
+    "paste": ("Paste the lab book from a spreadsheet", "Laborbuch aus einer Tabelle einfügen"),
+    "paste_here": (
+        "Cells with their headings: clip, and ball, backswing or session of each",
+        "Zellen mit Überschriften: clip, dazu ball, backswing oder session",
+    ),
+    "paste_use": ("Use as lab book", "Als Laborbuch verwenden"),
     "measure_all": ("Measure all", "Alle messen"),
     "cor_graph": ("Restitution against impact speed", "Stoßzahl über Stoßgeschwindigkeit"),
     "cor_note": ("A click on a point opens its clip.", "Ein Klick öffnet die Aufnahme."),

@@ -131,6 +131,19 @@ class FolderPage:
         with ui.row().classes("w-full items-center gap-3"):
             button = ui.button(say("measure_all"), on_click=begin)
             button.props("unelevated dense data-test=measure-all")
+        with ui.element("details").props("data-test=sheet"):
+            with ui.element("summary"):
+                ui.label(say("paste")).classes("inline")
+            sheet = ui.textarea(say("paste_here"), placeholder="clip\tball\tbackswing_deg")
+            sheet.props("dense outlined stack-label data-test=pasted").classes("w-full")
+            ui.button(say("paste_use"), on_click=lambda: self._try(paste)).props(
+                "outline dense data-test=paste"
+            )
+
+        def paste() -> None:
+            texts["trials"].value = self.folder.paste(str(sheet.value or ""))
+            sheet.value = ""
+
         with ui.element("pre").classes("va-code").props("data-test=as_command"):
             command = ui.label(self.folder.as_command())
 

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from bench.page.served import running
-from metrology import UsageError
+from metrology import ImpactVisionError, UsageError
 from pipelines.app.campaign import FolderInputs, FolderSession
 from pipelines.app.pages.folder import cor_options
 from pipelines.app.session import AppSession, is_images
 from pipelines.app.words import says
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State, WorkOrder
+from pipelines.campaign.results import read_lab_book
 from tests.pipelines.app.small import falling
 from tests.pipelines.calibrate.wizard_page import chromium, opened_plain, until
 
@@ -191,3 +192,39 @@ def test_cards_marks_and_points_in_a_browser(browser: Any, address: str, out: Pa
     until(page, lambda: page.locator("[data-test^=clip-]").count() == 2)
     page.set_viewport_size({"width": 390, "height": 800})
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
+
+
+def test_a_pasted_sheet_becomes_the_lab_book_and_no_other_file_is_touched(tmp_path: Path) -> None:
+    folder = FolderSession(tmp_path / "out", tmp_path)
+    kept = tmp_path / "trials.csv"
+    kept.write_text("clip,ball\nb.mp4,blue\n")
+    # as a German spreadsheet copies it
+    name = folder.paste("clip\tball\tbackswing_deg\r\na.mp4\tred\t62,5\r\n")
+    (strike,) = read_lab_book(tmp_path / name).strikes
+    assert (strike.clip, strike.ball, strike.backswing_deg) == ("a.mp4", "red", 62.5)
+    assert kept.read_text() == "clip,ball\nb.mp4,blue\n"
+    before = sorted(tmp_path.iterdir())
+    for text in ("", "62\t0.3\n", "clip\tbackswing_deg\na.mp4\tfar\n"):
+        with pytest.raises(ImpactVisionError):
+            folder.paste(text)
+    assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.slow
+def test_a_sheet_is_pasted_in_a_browser(browser: Any, tmp_path: Path) -> None:
+    clips = tmp_path / "clips"
+    clips.mkdir()
+    (clips / "a.mp4").write_bytes(b"none")
+    with running("app", str(clips), "--no-browser", "--language", "en", cwd=tmp_path) as program:
+        page = opened_plain(browser, program.address)
+        page.click("[data-test=sheet] summary")
+        page.fill("[data-test=pasted]", "62\t0.3\n")
+        page.click("[data-test=paste]")
+        page.wait_for_selector(".q-notification")
+        assert [one.name for one in clips.glob("trials*")] == []
+        page.fill("[data-test=pasted]", "clip\tball\na.mp4\tjokku\n")
+        page.click("[data-test=paste]")
+        until(page, lambda: page.input_value("[data-test=trials]") == "trials.csv")
+        assert (clips / "trials.csv").read_text() == "clip\tball\na.mp4\tjokku\n"
+        page.set_viewport_size({"width": 390, "height": 800})
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
