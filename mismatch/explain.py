@@ -465,6 +465,15 @@ class _Tested:
         """Of the least probable name; zero where nothing may be named."""
         return min(self.probabilities, default=0.0) if self.passed.names else 0.0
 
+    @property
+    def is_settled(self) -> bool:
+        """Whether it is more probable than not, each further name with a proof by prediction.
+
+        A second name may only mend the form of the first.
+        """
+        proved = all(one.predicted_95[0] > 0.0 for one in self.evidence if one.fellows)
+        return proved and self.probability >= 0.5
+
 
 def _tested(
     prepared: Prepared,
@@ -500,14 +509,14 @@ def _tested(
 def _tested_answers(
     prepared: Prepared, naming: Naming, held: np.ndarray | None
 ) -> tuple[_Tested, ...]:
-    """The answer of the search and, where that is less likely than not, its best alternatives.
+    """The answer of the search and, where that is not settled, its best alternatives.
 
     Names compete with forces without a name, and with fewer or more names: what is in no catalogue
     is an answer as well, and so is one law that averages two, or two that one averages.
     """
     known: dict[tuple[int, bytes], Prediction] = {}
     first = _tested(prepared, naming, held, known)
-    if naming.best is None or first.probability >= 0.5:
+    if naming.best is None or first.is_settled:
         return (first,)
     others = (other_kind(naming, naming.best), *other_sizes(naming, naming.best))
     found = {id(one): one for one in others if one is not None}

@@ -17,7 +17,7 @@ from mismatch.acceptance import (
     other_sizes,
 )
 from mismatch.candidates import Candidate
-from mismatch.explain import _groups
+from mismatch.explain import _groups, _Tested
 from mismatch.fitting.fit import Fit, free_parameters
 from mismatch.fitting.hypotheses import EXACT, FormEvidence, Hypothesis
 from mismatch.fitting.prepare import prepare
@@ -226,6 +226,19 @@ def test_an_unlikely_pair_is_tested_against_one_law_and_a_force_without_a_name()
     naming = Naming(pair, (pair, clock), 12.0, SimpleNamespace(candidates=()))
     assert other_sizes(naming, pair) == (clock,)
     assert other_kind(naming, pair) is None
+
+
+def test_a_second_name_that_predicts_nothing_leaves_the_answer_open():
+    """support_recoil 0.84 beside a right law of restitution, whose imperfect form it mended."""
+    second = replace(SURE, id="support_recoil", fellows=1)
+    chance = replace(second, predicted_95=(-0.03, 0.06))
+
+    def tested(*evidence):
+        return _Tested(None, (), None, Passed("explained"), evidence, (0.9,) * len(evidence))
+
+    assert tested(replace(SURE, fellows=1), second).is_settled
+    assert not tested(replace(SURE, fellows=1), chance).is_settled
+    assert tested(replace(SURE, predicted_95=(-0.03, 0.06))).is_settled
 
 
 def test_one_law_that_averages_two_is_tested_against_the_pair():
