@@ -115,7 +115,9 @@ def features_of(evidence: NameEvidence) -> FloatArray:
 
     The margin is the smaller one, over sets of names and over answers of the other kind. An answer
     that its other kind outdoes by less than forms are imperfect is not refuted; one that is ahead
-    of it needs no such allowance, since the rarity of what has no name is in the evidence.
+    of it needs no such allowance, since the rarity of what has no name is in the evidence. What a
+    smooth force explains of the remainder is counted in the same units: a finer instrument sees
+    more of the imperfection of every form.
     """
     over = evidence.log_odds_over_unnamed
     return np.array(
@@ -127,7 +129,7 @@ def features_of(evidence: NameEvidence) -> FloatArray:
             float(np.clip(evidence.predicted, -0.5, 1.0)),
             _compressed(evidence.held_out),
             evidence.left,
-            math.log1p(max(evidence.structure, 0.0)),
+            _margin(max(evidence.structure, 0.0), evidence.gain),
             float(evidence.fellows),
             float(evidence.doubts),
             float(evidence.mixed),

@@ -111,8 +111,8 @@ class Options:
 class ExplainedCampaign:
     """A verdict with what it rests on, for plots and reports.
 
-    `evidence` is that of each name of the answer; `considered` has the names of a less probable
-    answer of the other kind, too.
+    `evidence` is that of each name of the answer; `considered` has the names of less probable
+    answers, too, but none of an answer that a rule withholds or caps, whatever its evidence.
     """
 
     verdict: EngineVerdict
@@ -169,7 +169,8 @@ def explain_in_full(
     held = _held_mask(campaign, chosen.hold_out)
     answers = _tested_answers(prepared, naming, held)
     tested = max(answers, key=lambda one: one.probability)
-    considered = tuple(one for answer in answers for one in answer.evidence)
+    weighed = (answer for answer in answers if answer.passed.is_weighed)
+    considered = tuple(one for answer in weighed for one in answer.evidence)
     naming = tested.naming
     verdict = _verdict(campaign, prepared, tested)
     verdict = replace(verdict, notes=(*verdict.notes, *_open_notes(prepared, naming.best)))

@@ -591,6 +591,11 @@ class Passed:
         """Largest probability that a name may have."""
         return DOUBTED if FORBIDS.intersection(self.doubts) else 0.999
 
+    @property
+    def is_weighed(self) -> bool:
+        """Whether evidence alone decides how probable each name is."""
+        return self.names and not FORBIDS.intersection(self.doubts)
+
     def beside(self, gain: float, structure: float) -> "Passed":
         """What passes beside what the answer leaves: nothing, if that is the larger part.
 

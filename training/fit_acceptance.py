@@ -38,7 +38,7 @@ PRIOR = {
     "predicted": (1.0, 0.5),
     "held_out": (0.2, 0.2),
     "left": (-2.0, 1.0),
-    "structure": (-0.5, 0.3),
+    "structure": (-1.0, 0.5),
     "fellows": (-0.5, 0.5),
     "doubts": (-1.5, 0.7),
     "mixed": (-1.0, 0.5),

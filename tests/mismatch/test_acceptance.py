@@ -17,7 +17,7 @@ from mismatch.acceptance import (
     other_sizes,
 )
 from mismatch.candidates import Candidate
-from mismatch.explain import _groups, _Tested
+from mismatch.explain import _groups, _Tested, explain_in_full
 from mismatch.fitting.fit import Fit, free_parameters
 from mismatch.fitting.hypotheses import EXACT, FormEvidence, Hypothesis
 from mismatch.fitting.prepare import prepare
@@ -128,6 +128,17 @@ def test_a_finer_instrument_takes_no_trust_from_the_same_answer(finer, monkeypat
     assert calibrated_probability(found) > 0.8
 
 
+@pytest.mark.parametrize("finer", [4.0, 100.0])
+def test_what_a_finer_encoder_sees_of_an_imperfect_form_takes_no_trust(finer):
+    """Friction of a real rod: a smooth torque added 668 to evidence of 12,515,609; it had 0.06."""
+    seen = replace(SURE, gain=2e4, log_odds=2e3, log_odds_over_unnamed=2e3, structure=40.0)
+    more = replace(
+        seen, gain=2e4 * finer, log_odds=2e3 * finer, log_odds_over_unnamed=2e3 * finer,
+        structure=40.0 * finer,
+    )  # fmt: skip
+    assert calibrated_probability(more) >= calibrated_probability(seen) - 0.01
+
+
 def test_a_second_name_that_removes_no_error_of_predictions_is_doubted(monkeypatch):
     """Support recoil had 0.90 beside a right name; in two of three cases the error grew by it."""
     monkeypatch.setattr("mismatch.acceptance.smooth_structure", lambda forward, best: 0.0)
@@ -150,7 +161,7 @@ def test_probabilities_of_worlds_kept_out_beat_one_value_for_all():
     card = Path(__file__).parents[2] / "docs" / "results" / "acceptance.json"
     found = json.loads(card.read_text(encoding="utf-8"))["all"]
     share = found["right"] / found["names"]
-    assert found["names"] >= 100
+    assert found["names"] >= 80
     assert found["brier"] < 0.75 * share * (1.0 - share)
     assert found["sure_right"] >= 0.9 * found["sure"]
 
@@ -177,8 +188,12 @@ def test_a_body_lighter_than_the_air_it_displaces_is_told_and_no_buoyancy_is_nam
 
 def test_one_throw_alone_gets_no_name_above_one_half():
     campaign, baseline = thrown_campaign(scale=1.08)
-    verdict = explain(replace(campaign, trials=campaign.trials[:1]), baseline)
-    assert all(effect.probability <= DOUBTED for effect in verdict.effects)
+    found = explain_in_full(replace(campaign, trials=campaign.trials[:1]), baseline)
+    assert all(effect.probability <= DOUBTED for effect in found.verdict.effects)
+    # What a rule caps says nothing of the weights.
+    assert found.evidence
+    assert not found.considered
+    assert explain_in_full(campaign, baseline).considered
 
 
 @pytest.mark.parametrize(
