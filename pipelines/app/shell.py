@@ -58,9 +58,13 @@ class AppWindow:
             ui.on(f"vision_{name}", lambda event, name=name: self._on_viewer(name, event))
         with ui.column().classes("w-full gap-0"):
             self.head()
-            with ui.element("main").classes("w-full"):
+            with ui.element("div").classes("w-full"):
                 self.content()
-        ui.run_javascript(f"visionShow({json.dumps(self.session.page)})")
+        self._name_page()
+
+    def _name_page(self) -> None:
+        names = (self.session.page, self.session.language, self.say("drop"))
+        ui.run_javascript(f"visionShow(...{json.dumps(names)})")
 
     @ui.refreshable_method
     def head(self) -> None:
@@ -118,12 +122,12 @@ class AppWindow:
     def go(self, page: str) -> None:
         """Show another page."""
         self._turn(page)
-        ui.run_javascript(f"visionShow({json.dumps(self.session.page)})")
+        self._name_page()
 
     def show(self) -> None:
         """Draw head and page anew, and name the page in the address."""
         self._redraw()
-        ui.run_javascript(f"visionShow({json.dumps(self.session.page)})")
+        self._name_page()
 
     def _turn(self, page: str) -> None:
         """Show the page that the address names; the browser may already be at the next one."""
@@ -158,7 +162,24 @@ class AppWindow:
 
 
 _NAVIGATION = """
-window.visionShow = page => {
+// what the components leave without a name for screen readers; a file is chosen by the keyboard in
+// its field, not in the button around it
+let visionDrop = "";
+const visionName = () => {
+  for (const image of document.querySelectorAll("img:not([alt])")) image.alt = "";
+  for (const field of document.querySelectorAll(".q-uploader__input")) {
+    if (field.ariaLabel === visionDrop && field.tabIndex === 0) continue;
+    field.ariaLabel = visionDrop;
+    field.tabIndex = 0;
+    field.closest("a").role = "presentation";
+    field.closest("a").removeAttribute("tabindex");
+  }
+};
+new MutationObserver(visionName).observe(document.body, {childList: true, subtree: true});
+window.visionShow = (page, language, drop) => {
+  document.documentElement.lang = language;
+  visionDrop = drop;
+  visionName();
   if (location.hash === "#" + page) return;
   history[location.hash ? "pushState" : "replaceState"](null, "", "#" + page);
 };

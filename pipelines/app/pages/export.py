@@ -63,7 +63,7 @@ class ExportPage:
         """The file being written, those written, or why one was not."""
         if self.jobs.busy:
             with ui.row().classes("items-center gap-2").props("role=status"):
-                ui.spinner(size="sm")
+                ui.spinner(size="sm").props("aria-hidden=true")
                 ui.label(self.say("writing", name=self.jobs.busy)).props("data-test=busy")
         if self.jobs.problem:
             note = ui.label(self.jobs.problem).classes("va-note bad")

@@ -83,7 +83,7 @@ class SetupPage:
                 note.props("role=alert data-test=problem")
             else:
                 with ui.row().classes("va-card items-center").props("role=status"):
-                    ui.spinner(size="sm")
+                    ui.spinner(size="sm").props("aria-hidden=true")
                     ui.label(self.say("opening"))
 
     def _start(self) -> None:

@@ -108,7 +108,7 @@ class WhyPage:
         found = self.clip.explained
         if self.jobs.busy:
             with ui.row().classes("items-center gap-2").props("role=status"):
-                ui.spinner(size="sm")
+                ui.spinner(size="sm").props("aria-hidden=true")
                 ui.label(self.say("explaining")).props("data-test=busy")
         if self.jobs.problem:
             note = ui.label(self.jobs.problem).classes("va-note bad")

@@ -235,7 +235,7 @@ class WizardPage:
         """The running job, or why it failed."""
         if self.jobs.busy:
             with ui.row().classes("items-center gap-2").props("role=status"):
-                ui.spinner(size="sm")
+                ui.spinner(size="sm").props("aria-hidden=true")
                 ui.label(f"{phrase(self.jobs.busy)[:-1]} …").props("data-test=busy")
         if self.jobs.problem:
             note(phrase(self.jobs.problem), "wz-bad", alert=True)

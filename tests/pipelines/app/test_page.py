@@ -218,6 +218,41 @@ def curvature(page: Any) -> str:
     return str(page.inner_text("[data-test=term-curvature]"))
 
 
+@pytest.mark.slow
+def test_no_page_has_a_serious_fault_of_accessibility(browser: Any, tmp_path: Path) -> None:
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
+    (tmp_path / "clips").mkdir()
+    for file in (CLIP, CLIP.with_suffix(".toml")):
+        shutil.copyfile(file, tmp_path / "clips" / file.name)
+
+    def faults(page: Any, ready: str) -> list[str]:
+        page.wait_for_selector(f"[data-test={ready}]")
+        page.wait_for_timeout(800)
+        found = axe.run(page).response["violations"]
+        return [f"{ready}: {one['id']}" for one in found if one["impact"] in _SERIOUS]
+
+    with served(cwd=tmp_path) as address:
+        page = opened_plain(browser, address)
+        assert faults(page, "sample-strike") == []
+        page.fill("[data-test=place]", str(tmp_path / "clips" / CLIP.name))
+        page.click("[data-test=open]")
+        page.click("[data-test=fit]")
+        assert faults(page, "fitted") == []
+        page.click("[data-test=dark]")
+        assert faults(page, "stage") == []
+        for name, ready in (("setup", "panel"), ("why", "explain"), ("export", "sheet")):
+            page.click(f"[data-test=page-{name}]")
+            assert faults(page, ready) == []
+        page.click("[data-test=page-open]")
+        page.fill("[data-test=place]", str(tmp_path / "clips"))
+        page.click("[data-test=open]")
+        assert faults(page, "counts") == []
+
+
+_SERIOUS = ("serious", "critical")
+"""Impacts of a violation that shut a reader out (axe-core)."""
+
+
 def test_a_broken_clip_is_a_sentence_on_the_page(browser: Any, tmp_path: Path) -> None:
     path = tmp_path / "broken.mp4"
     path.write_bytes(b"not a video" * 100)
