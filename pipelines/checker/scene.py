@@ -281,24 +281,33 @@ def equations_of(facts: SceneFacts) -> tuple[list[Input], list[Relation]]:
         )
     if fall is not None:
         size = float(np.hypot(*fall.acceleration))
-        slowed, slowed_std = _drag_fraction(facts, fall)
+        slowed, slowed_std, metres = _drag_fraction(facts, fall)
+        # another scale or ball slows it otherwise: to first order, a power of each
+        sized = slowed / (1.0 - slowed)
+        powers, known = {"scale": 1.0 + sized, "rate": 2.0}, metres**sized
+        if facts.ball is not None and facts.radius_px is not None:
+            powers["ball"] = 2.0 * sized
+            known *= facts.ball[0] ** (2.0 * sized)
         half = 0.5 * float(facts.frame[fall.last] - facts.frame[fall.first])
         slow = 2.0 * _SLOW_STD_PX / half**2
         relations.append(
             Relation(
                 "free fall",
-                {"scale": 1.0, "rate": 2.0},
-                Defaults.GRAVITY.known * (1.0 - slowed) / size,
+                powers,
+                known * Defaults.GRAVITY.known * (1.0 - slowed) / size,
                 float(np.linalg.norm([_FALL_STD, slowed_std, fall.std / size, slow / size])),
             )
         )
     return inputs, relations
 
 
-def _drag_fraction(facts: SceneFacts, fall: Fall) -> tuple[float, float]:
-    """Fraction of g by which the air slows a fall, with its std; negative for a rising ball."""
+def _drag_fraction(facts: SceneFacts, fall: Fall) -> tuple[float, float, float]:
+    """Fraction of g by which the air slows a fall, its std, and the m/px at which it does.
+
+    The fraction is negative for a rising ball.
+    """
     if facts.drag is None:
-        return 0.0, 0.0
+        return 0.0, 0.0, 1.0
     rows = slice(fall.first, fall.last + 1)
     frame, place = facts.frame[rows], facts.centre_px[rows]
     slope = np.polyfit(frame, place, 2)
@@ -311,10 +320,10 @@ def _drag_fraction(facts: SceneFacts, fall: Fall) -> tuple[float, float]:
     elif facts.rate is not None:
         metres = Defaults.GRAVITY.known / float(fall.acceleration[1]) / facts.rate[0] ** 2
     if metres is None:
-        return 0.0, 0.0
+        return 0.0, 0.0, 1.0
     # a = g in px and frames: neither the rate nor seconds are needed
     per_px = metres / float(fall.acceleration[1])
-    return facts.drag[0] * per_px * squared, facts.drag[1] * per_px * abs(squared)
+    return facts.drag[0] * per_px * squared, facts.drag[1] * per_px * abs(squared), metres
 
 
 def _plane_ratio(facts: SceneFacts) -> Input:

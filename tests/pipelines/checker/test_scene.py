@@ -202,6 +202,22 @@ def test_the_drag_of_the_air_is_no_contradiction(drag: float) -> None:
         assert findings_of(facts)
 
 
+@pytest.mark.parametrize(
+    ("drag", "speed", "wrong"), [(0.02, 9.0, 0.246), (0.04, 6.0, 0.27), (0.06, 4.0, 0.3)]
+)
+def test_a_wrong_ball_that_the_air_slows(drag: float, speed: float, wrong: float) -> None:
+    lab = Lab()
+    facts = lab.facts()
+    px = 100.0 + thrown(lab, drag, speed) / lab.scale * [1.0, -1.0]
+    px = px + np.random.default_rng(1).normal(0.0, 0.05, px.shape)
+    # drag is taken of the ball that was stated
+    taken = drag * (wrong / lab.diameter) ** 2
+    facts = replace(facts, centre_px=px, ball=(wrong, 0.002), drag=(taken, 0.05 * taken))
+    found = only(findings_of(facts))
+    assert found.key == "ball"
+    assert abs(found.value - lab.diameter) < 2.0 * found.std
+
+
 def test_a_slanted_view_is_no_contradiction() -> None:
     lab = Lab()
     facts = lab.facts()
