@@ -79,6 +79,15 @@ class Fitted:
     precision: FloatArray
     prior_weight: float
 
+    @property
+    def determined(self) -> NDArray[np.bool_]:
+        """Whether data or prior determine each parameter (P,); a covariance of others says nothing.
+
+        What they do not determine is left out of the inverse, which makes its variance small.
+        """
+        information = self.jacobian.T @ self.jacobian / self.chi2_per_dof + self.precision
+        return np.asarray(np.diagonal(self.covariance @ information) > 0.5)
+
 
 def fit(
     residuals: Residuals,

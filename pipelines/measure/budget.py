@@ -451,8 +451,7 @@ _VALUES: dict[str, Callable[[_Strike], float]] = {
 
 def _fall(free: FlightFit) -> float:
     """Acceleration of a flight fitted without a prior; NaN where its frames do not determine it."""
-    determined = free.fitted.covariance[6, 6] > 0.0
-    return float(free.fitted.values[6]) if determined else np.nan
+    return float(free.fitted.values[6]) if free.fitted.determined[6] else np.nan
 
 
 def _evaluate(impact: Impact, inputs: Inputs, shift: _Shift, names: Container[str]) -> FloatArray:

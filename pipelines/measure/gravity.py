@@ -111,7 +111,7 @@ def seen_fall(
     except MeasurementError:
         return None
     value = float(free.fitted.values[6])
-    if contradicts_gravity(value, scene.inputs.gravity):
+    if not free.fitted.determined[6] or contradicts_gravity(value, scene.inputs.gravity):
         return None
     by_rate = 2.0 * value * scene.rate.std / scene.rate.fps
     std = math.hypot(math.sqrt(float(free.fitted.covariance[6, 6])), by_rate)

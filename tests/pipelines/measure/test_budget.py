@@ -242,7 +242,7 @@ def test_a_ball_seen_less_clearly_tells_a_scale_less_surely() -> None:
     assert radius_relative_std(unclear) == pytest.approx(1.2 / 20.0, rel=0.05)
 
 
-@pytest.mark.parametrize("lasting_s", [1e-6, 0.1])
+@pytest.mark.parametrize("lasting_s", [1e-6, 1e-4, 1e-3, 0.1])
 def test_a_fall_that_the_frames_do_not_determine_is_not_given(lasting_s: float) -> None:
     inputs = gather_inputs(Setup(), "jokku", None)
     impact = find_impact(ideal_tracks(*known_stroke("jokku", 60.0), Noise()), inputs)
