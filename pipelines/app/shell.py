@@ -167,6 +167,8 @@ _NAVIGATION = """
 let visionDrop = "";
 const visionName = () => {
   for (const image of document.querySelectorAll("img:not([alt])")) image.alt = "";
+  for (const bar of document.querySelectorAll("[role=progressbar]:not([aria-label])"))
+    bar.ariaLabel = document.title;
   for (const field of document.querySelectorAll(".q-uploader__input")) {
     if (field.ariaLabel === visionDrop && field.tabIndex === 0) continue;
     field.ariaLabel = visionDrop;
