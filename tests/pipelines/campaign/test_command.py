@@ -1,6 +1,7 @@
 """`vision campaign` as somebody types it: exit codes, what is refused, what is said."""
 
 import json
+import math
 import shutil
 import sqlite3
 import sys
@@ -98,6 +99,17 @@ def test_a_slip_in_the_lab_book_is_refused_before_the_work(
         assert not (lab / "out" / "ledger.sqlite").exists()
 
 
+def _same(one: object, other: object) -> bool:
+    """Whether nested tables agree up to the rounding of numbers."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(_same(one[key], other[key]) for key in one)
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(_same, one, other))
+    if isinstance(one, float) and isinstance(other, float):
+        return math.isclose(one, other, rel_tol=1e-6)
+    return one == other
+
+
 def test_one_recording_under_two_names_counts_once_and_that_is_told(lab: Path) -> None:
     names = [f"s{number}" for number in range(8)]
     (lab / "trials.csv").write_text("clip,ball\n" + "".join(f"{name},red\n" for name in names))
@@ -119,7 +131,8 @@ def test_one_recording_under_two_names_counts_once_and_that_is_told(lab: Path) -
     assert "not counted: the same recording as s3.mp4" in page
     twice = json.loads((lab / "out" / "summary.json").read_text())
     assert twice["clips"]["done"] == 9
-    assert twice["balls"] == once["balls"]
+    # summed in another order: the last digits may differ
+    assert _same(twice["balls"], once["balls"])
     assert [one["clip"] for one in twice["copies"]] == ["copy.mp4"]
     table = pd.read_csv(lab / "out" / "results.csv").set_index("clip")
     assert table["excluded"].dropna().to_dict() == {"copy.mp4": "the same recording as s3.mp4"}
