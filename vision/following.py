@@ -360,7 +360,7 @@ def _followed_in(
         dismissed=_dismissed(found, others, capture_fps),
         warnings=tuple(
             list(recording.said)
-            + _warnings(found, came, rest, striker, footage)
+            + _warnings(found, came, motion.kind is MotionKind.STRIKE, striker, footage)
             + _picture_warnings(picture is not scene)
             + _camera_warnings(scene, footage)
         ),
@@ -624,7 +624,7 @@ def _pointer(tracklet: Tracklet, footage: Footage) -> str:
 def _warnings(
     found: FoundObjects,
     came: Tracklet | None,
-    rest: Rest | None,
+    struck: bool,
     striker: Striker | None,
     footage: Footage,
 ) -> list[str]:
@@ -641,6 +641,6 @@ def _warnings(
         )
     if striker is not None:
         said += striker.warnings
-    elif rest is not None and came is None:
+    elif struck and came is None:
         said.append("No pendulum was found behind the ball; point at its mass with --mass-at X,Y.")
     return said

@@ -38,6 +38,7 @@ from pipelines.measure.inputs import (
     Assumption,
     Inputs,
     gather_inputs,
+    kinds_of,
     quantities_except,
 )
 from pipelines.measure.measurement import ClipMeasurement, motion_warning
@@ -553,8 +554,10 @@ def _assumptions(
             " assumed. Every length is proportional to it. Pass --wall-grid."
         )
         assumed.append(Assumption(sentence, quantities_except(LENGTHLESS_UNITS)))
-    if tracks.motion.kind not in _OTHER_MOTIONS:
-        assumed += inputs.assumed
+    kind = tracks.motion.measured_as
+    assumed += [
+        one for one in inputs.assumed if any(kind in kinds_of(name) for name in one.concerned)
+    ]
     return tuple(assumed)
 
 
