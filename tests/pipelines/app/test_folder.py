@@ -191,7 +191,8 @@ def test_cards_marks_and_points_in_a_browser(browser: Any, address: str, out: Pa
     page.click("[data-test=show] >> text=uncertain")
     until(page, lambda: page.locator("[data-test^=clip-]").count() == 2)
     page.set_viewport_size({"width": 390, "height": 800})
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    # graphs follow a moment later
+    until(page, lambda: page.evaluate("document.documentElement.scrollWidth") <= 390)
 
 
 def test_a_pasted_sheet_becomes_the_lab_book_and_no_other_file_is_touched(tmp_path: Path) -> None:
