@@ -96,6 +96,7 @@ def test_a_clip_from_numbers_to_a_correction(browser: Any, tmp_path: Path) -> No
         until(page, lambda: not read_corrections(file).ball)
         # by keyboard: the cross starts in the middle
         page.click("[data-test=point-ball]")
+        until(page, lambda: "vs-pointing" in stage.get_attribute("class"))
         page.keyboard.press("ArrowUp")
         page.keyboard.press("Enter")
         until(page, lambda: bool(read_corrections(file).ball))
