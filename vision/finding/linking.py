@@ -171,15 +171,7 @@ def link(
     if len(seen) == 0:
         return []
     known = parameters or link_parameters()
-    step = np.searchsorted(frames, seen.frame)
-    # false detections for each px²: what is found, spread over the picture
-    density = len(seen) / (len(frames) * float(shape[0] * shape[1]))
-    marks = _LinkMarks(
-        *(seen.frame.astype(np.float64), step, seen.centre_px, seen.radius_px),
-        *(np.log(seen.radius_px), seen.colour, node_worth(seen, known)),
-        _most_turns(seen.radius_px, density, known),
-        *(density, math.log(known.missed), known),
-    )
+    marks = _LinkMarks.of(seen, frames, shape, known)
     pairs = _pairs(marks)
     alive = np.ones(len(seen), dtype=bool)
     chains: list[IntArray] = []
@@ -211,11 +203,26 @@ class _LinkMarks(NamedTuple):
     log_missed: float
     weights: LinkParameters
 
+    @classmethod
+    def of(
+        cls, seen: Detections, frames: IntArray, shape: tuple[int, int], known: LinkParameters
+    ) -> "_LinkMarks":
+        # false detections for each px²: what is found, spread over the picture
+        density = len(seen) / (len(frames) * float(shape[0] * shape[1]))
+        return cls(
+            *(seen.frame.astype(np.float64), np.searchsorted(frames, seen.frame)),
+            *(seen.centre_px, seen.radius_px, np.log(seen.radius_px), seen.colour),
+            *(node_worth(seen, known), _most_turns(seen.radius_px, density, known)),
+            density=density,
+            log_missed=math.log(known.missed),
+            weights=known,
+        )
+
 
 def _most_turns(radius: FloatArray, density: float, known: LinkParameters) -> FloatArray:
     """Log odds of two steps without any change, next to the smallest neighbour there could be."""
     noise = known.place_px**2 + (0.5 * known.place_radii * radius) ** 2
-    return np.asarray(-2.0 * np.log(4.0 * np.pi * noise * density))
+    return np.asarray(np.maximum(-2.0 * np.log(4.0 * np.pi * noise * density), 0.0))
 
 
 @dataclass(frozen=True)
@@ -349,8 +356,7 @@ def _best_exchange(
 ) -> tuple[float, int, int]:
     """Most log odds gained by an exchange of tails, and the rows before it in each chain."""
     best, most_i, most_j = 0.0, 0, 0
-    frame, step, size, j = marks.frame, marks.step, marks.log_radius, 0
-    alike = 4.0 * marks.weights.log_radius
+    frame, step, j = marks.frame, marks.step, 0
     for i in range(len(one) + 1):
         while j < len(other) and i > 0 and frame[other[j]] <= frame[one[i - 1]]:
             j += 1
@@ -360,15 +366,11 @@ def _best_exchange(
                 first = other_anew[k] if k < len(other) else 0.0
                 second = one_anew[i] if i < len(one) else 0.0
                 held = one_held[i] + other_held[k]
-                # calls take most of the time: only where sizes and frames allow a tail to go on
-                if i > 0 and k < len(other):
-                    last, new = one[i - 1], other[k]
-                    if step[new] - step[last] <= _MAX_GAP and abs(size[new] - size[last]) <= alike:
-                        first = max(first, _promised(last, new, marks))
-                if k > 0 and i < len(one):
-                    last, new = other[k - 1], one[i]
-                    if step[new] - step[last] <= _MAX_GAP and abs(size[new] - size[last]) <= alike:
-                        second = max(second, _promised(last, new, marks))
+                # calls take most of the time: only where a tail may go on
+                if i > 0 and k < len(other) and step[other[k]] - step[one[i - 1]] <= _MAX_GAP:
+                    first = max(first, _promised(one[i - 1], other[k], marks))
+                if k > 0 and i < len(one) and step[one[i]] - step[other[k - 1]] <= _MAX_GAP:
+                    second = max(second, _promised(other[k - 1], one[i], marks))
                 if first + second - held > best:
                     gain = _best_start(one, i, other, k, other_anew, marks) - held
                     gain += _best_start(other, k, one, i, one_anew, marks)

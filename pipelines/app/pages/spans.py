@@ -103,7 +103,8 @@ def fit_span(x: FloatArray, y: FloatArray, shape: Shape) -> SpanFit:
     slope = _physical_slope(shape, found.values, size)
     values = _physical(shape, found.values, size)
     std = np.sqrt(np.diag(slope @ found.covariance @ slope.T))
-    if not (np.isfinite(values).all() and np.isfinite(std).all()):
+    known = found.determined.all() and np.isfinite(values).all() and np.isfinite(std).all()
+    if not known:
         raise NoFitError(f"the points do not determine a {shape}", hint="Select a longer span.")
     drawn = np.linspace(-1.0, 1.0, CURVE_POINTS)
     line = np.column_stack([middle + size * drawn, curve(found.values, drawn)])

@@ -17,7 +17,14 @@ from tests.vision.ball.painted import (
 )
 from vision.clip.footage import Footage
 from vision.finding.detection import Detections, detect, searched_frames
-from vision.finding.linking import Tracklet, link
+from vision.finding.linking import (
+    Tracklet,
+    _going_on,
+    _LinkMarks,
+    _promised,
+    link,
+    link_parameters,
+)
 from vision.finding.selection import FEATURES, select, tracklet_features
 from vision.scene import FilmedScene
 
@@ -149,6 +156,28 @@ def test_a_ball_that_passes_what_lies_still_is_one_tracklet(speed: float) -> Non
     moving = [one for one in found if np.ptp(one.centre_px[:, 0]) > 100.0]
     assert [len(one) for one in moving] == [18]
     assert np.hypot(*(moving[0].centre_px - passing[moving[0].frame - 12]).T).max() < 2.0
+
+
+@pytest.mark.parametrize("side", [40, 400])
+def test_no_tail_is_worth_more_than_it_promises(side: int) -> None:
+    rng = np.random.default_rng(side)
+    frames = np.arange(12)
+    way = 0.5 * side + np.outer(frames, [0.4, -0.3])
+    parts = [
+        replace(
+            _detections(frames.tolist(), way + rng.normal(0.0, 0.03, way.shape), 5.0),
+            radius_px=rng.uniform(4.9, 5.1, 12),
+        )
+        for _ in range(6)
+    ]
+    seen = _mixed(parts)
+    marks = _LinkMarks.of(seen, frames, (side, side), link_parameters())
+    rows = [rng.permutation(np.flatnonzero(seen.frame == frame)) for frame in frames]
+    for head, tail in rng.permutation(6)[:4].reshape(2, 2):
+        one, other = (np.array([row[place] for row in rows]) for place in (head, tail))
+        for stop in range(1, 11):
+            worth = _going_on(one, stop, other, stop, marks)
+            assert worth <= _promised(int(one[stop - 1]), int(other[stop]), marks) + 1e-9
 
 
 def test_strays_alone_make_no_tracklet_worth_much() -> None:
