@@ -3,8 +3,8 @@
 The page is bound to 127.0.0.1, but other programs, users and web pages in the same browser can send
 requests there. Protection: a one-time token in the address is exchanged for a cookie; requests must
 use the page's own host name (against DNS rebinding) and origin (against other sites); only one
-window may be open. A script in the browser keeps clicks and text while the page is redrawn. Jobs
-run one after another on a thread, so that the page stays responsive and jobs never race.
+window may be open. Jobs run one after another on a thread, so that the page stays responsive and
+jobs never race.
 """
 
 import asyncio
@@ -28,98 +28,10 @@ from fastapi import FastAPI
 from metrology import ImpactVisionError, UsageError
 from pipelines.processes import Terminated
 
-__all__ = ["HOLD", "RELEASE", "SCRIPT", "Guard", "Jobs", "serve_app"]
+__all__ = ["LEAVING_PATH", "Guard", "Jobs", "serve_app"]
 
 LEAVING_PATH = "/leaving"
 """Path to which a window reports that it is being closed or reloaded."""
-
-SCRIPT = (
-    """<script>(() => {
-const page = window.wizard = {focus: null, pressed: false, held: null, typed: new Map()};
-const named = at => at && at.closest ? at.closest("[data-test]") : null;
-const on = (name, act) => document.addEventListener(name, act, true);
-on("focusin", event => {
-  const at = named(event.target);
-  page.focus = at ? at.dataset.test : null;
-});
-for (const name of ["pointerdown", "keydown"]) on(name, () => { page.pressed = true; });
-// reset only after the click event of this press
-for (const name of ["pointerup", "pointercancel", "keyup"])
-  on(name, () => setTimeout(() => { page.pressed = false; }, 0));
-window.addEventListener("blur", () => { page.pressed = false; });
-on("click", event => {
-  if (page.held === null || !named(event.target)) return;
-  page.held.push(event.target);
-  event.stopImmediatePropagation();
-  event.preventDefault();
-});
-// text typed while the page is held belongs to a field that is about to be replaced
-on("input", event => {
-  if (page.held === null || event.target.dataset.told === undefined) return;
-  page.typed.set(named(event.target).dataset.test, {text: event.target.value, sent: false});
-});
-const sends = event => {
-  const at = event.target;
-  if (page.held === null || !at.dataset || at.dataset.told === undefined) return;
-  const typed = page.typed.get(named(at).dataset.test);
-  // only leaving for another field counts; a removed field has no related target
-  const left = event.type === "focusout" && event.relatedTarget !== null;
-  if (typed && (left || event.key === "Enter")) typed.sent = true;
-};
-on("keydown", sends);
-on("focusout", sends);
-const retype = (test, typed) => {
-  const root = document.querySelector(`[data-test="${test}"]`);
-  const at = root && (root.matches("input") ? root : root.querySelector("input"));
-  if (!at || at.value === typed.text) return;
-  // the page's state listens to these events
-  at.value = typed.text;
-  at.dispatchEvent(new Event("input", {bubbles: true}));
-  if (!typed.sent) return;
-  const enter = {key: "Enter", code: "Enter", keyCode: 13, bubbles: true};
-  at.dispatchEvent(new KeyboardEvent("keydown", enter));
-  at.dispatchEvent(new KeyboardEvent("keyup", enter));
-};
-// element of the new page in place of an old one: same kind and text
-const successor = old => {
-  if (document.contains(old)) return old;
-  const root = document.querySelector(`[data-test="${named(old).dataset.test}"]`);
-  const like = at => at.tagName === old.tagName && at.textContent === old.textContent;
-  return root === null || like(root) ? root : [...root.querySelectorAll(old.tagName)].find(like);
-};
-page.hold = () => {
-  const at = document.activeElement;
-  if (page.pressed || document.querySelector(".q-menu")) return false;
-  if (at.dataset.told !== undefined && at.value !== at.dataset.told) return false;
-  page.held = [];
-  page.typed.clear();
-  clearTimeout(page.watchdog);
-  page.watchdog = setTimeout(page.release, 5000);
-  return true;
-};
-page.release = () => {
-  clearTimeout(page.watchdog);
-  const held = page.held || [];
-  page.held = null;
-  if (document.activeElement === document.body && page.focus) {
-    const at = document.querySelector(`[data-test="${page.focus}"]`);
-    if (at) at.focus();
-  }
-  for (const [test, typed] of page.typed) retype(test, typed);
-  page.typed.clear();
-  for (const old of held) { const at = successor(old); if (at) at.click(); }
-};
-window.addEventListener("beforeunload", () => navigator.sendBeacon("LEAVING"));
-})()</script>"""
-).replace("LEAVING", LEAVING_PATH)
-"""Browser script: clicks during a redraw are held and repeated on the new elements; text typed
-meanwhile is typed again, and submitted if it was."""
-
-HOLD = "window.wizard.hold()"
-"""Hold clicks; false, and nothing held, while something is pressed, open or being typed."""
-
-RELEASE = "setTimeout(window.wizard.release, 30)"
-"""After the redraw: restore the focus and repeat the held clicks."""
 
 Scope = MutableMapping[str, Any]
 

@@ -229,8 +229,10 @@ def report(browser: Any, folder: Path) -> Record:
 def code(_browser: Any, _folder: Path) -> Record:
     """Front ends, and lines of page, report, wizard and their server."""
     pipelines = ROOT / "pipelines"
-    places = [pipelines / "app", pipelines / "report", pipelines / "calibrate" / "wizard"]
-    files = [pipelines / "web.py", *(one for place in places for one in place.rglob("*.*"))]
+    places = [pipelines / "app", pipelines / "report", pipelines / "calibrate"]
+    others = {pipelines / "calibrate" / name for name in ("command.py", "plan.py")}
+    found = {one for place in places for one in place.rglob("*.*")} - others
+    files = [pipelines / "web.py", *sorted(found)]
     files = [one for one in files if one.suffix in (".py", ".js", ".css", ".j2")]
     sources = [one.read_text("utf-8") for one in pipelines.rglob("*.py")]
     servers = [one for one in sources if re.search(r"^ +serve_app\(", one, re.MULTILINE)]

@@ -34,8 +34,9 @@ from pipelines.api.quantities import (
 )
 from pipelines.api.shown import correlated, notebook_progress
 from pipelines.api.wording import in_python, worded_for_python
-from pipelines.calibrate.command import find_unattended, session_of
-from pipelines.calibrate.wizard.session import Session, setup_text
+from pipelines.calibrate.command import find_unattended
+from pipelines.calibrate.saving import lens_for, setup_text
+from pipelines.calibrate.session import Session, session_of
 from pipelines.measure import measurement as chain
 from pipelines.measure.chain import measure_clip
 from pipelines.measure.files import (
@@ -581,7 +582,8 @@ class CalibratedClip:
         out = Path(path)
         self._session.answers = replace(self._session.answers, out=out)
         written = self._session.save()
-        return written.setup, written.lens
+        # a calibrated view has a wall grid, and with it a lens file
+        return written.setup, written.lens or lens_for(out)
 
     def to_dict(self) -> dict[str, Any]:
         """``{"quantities": …, "warnings": …}``."""
@@ -647,7 +649,7 @@ def calibrate(
         Path(path),
         Path("setup.toml"),
         fps=None if fps is None else str(fps),
-        lens=None if lens is None else Path(lens),
+        lens=None if lens is None else os.fspath(lens),
         wall_grid=length_text(wall_grid),
         fine_grid=length_text(fine_grid),
         ball=length_text(ball),

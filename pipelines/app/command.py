@@ -20,7 +20,7 @@ from pipelines.terminal import announce_page, has_display
 if TYPE_CHECKING:
     from pipelines.app.campaign import FolderSession
     from pipelines.app.session import AppSession
-    from pipelines.calibrate.wizard.session import Session
+    from pipelines.calibrate.session import Session
 
 __all__ = ["app_command", "set_up_clip", "watch_campaign"]
 
@@ -62,12 +62,12 @@ def app_command(
             folder.finish()
 
 
-def set_up_clip(wizard: "Session", *, browser: bool, port: int) -> None:
+def set_up_clip(calibration: "Session", *, browser: bool, port: int) -> None:
     """Serve the page at Set up until it is closed.
 
     Parameters
     ----------
-    wizard : Session
+    calibration : Session
         The calibration it shows.
     browser : bool
         Whether to open the browser.
@@ -81,16 +81,14 @@ def set_up_clip(wizard: "Session", *, browser: bool, port: int) -> None:
     session = AppSession(users_language())
 
     def opened(address: str) -> None:
-        session.set_up(wizard)
+        session.set_up(calibration)
         otherwise = "Without a browser pass all options and --yes. "
         announce_page(address, browser=browser, otherwise=otherwise)
 
     with _leaving(session):
         serve_page(session, opened, port=port)
-        written = wizard.written
-        said = (
-            "nothing was saved" if written is None else f"wrote {written.setup} and {written.lens}"
-        )
+        written = calibration.written
+        said = "nothing was saved" if written is None else f"wrote {written}"
         typer.echo(f"the page was closed; {said}", err=written is None)
 
 

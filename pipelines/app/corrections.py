@@ -2,6 +2,7 @@
 
 import math
 import shlex
+from collections.abc import Collection
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -164,11 +165,10 @@ class Corrections:
         return replace(self, ball=(*kept, mark))
 
 
-def cure_of(option: str) -> tuple[str, str] | None:
-    """Input and text of an option that the checker proposes; None if it is no input of a clip."""
+def cure_of(option: str, known: Collection[str]) -> tuple[str, str] | None:
+    """Input and text of an option that the checker proposes; None if it is not one of `known`."""
     name, _, text = option.partition(" ")
     key = name.removeprefix("--").replace("-", "_")
-    known = {one.name for one in fields(ClipInputs)}
     return (key, " ".join(shlex.split(text))) if text and key in known else None
 
 

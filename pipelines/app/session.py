@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from pipelines.app.pages.why import ClipExplained
-    from pipelines.calibrate.wizard.session import Session
+    from pipelines.calibrate.session import Session
     from pipelines.measure.measurement import ClipMeasurement
 
 __all__ = ["AppSession", "ClipSession"]
@@ -66,7 +66,7 @@ class ClipSession:
         Files exported so far.
     explained : ClipExplained or None
         Answer of the page Why for the present measurement.
-    wizard : Session or None
+    calibration : Session or None
         Calibration of the clip, once the page Set up was opened.
     unsaved : str
         Why the corrections could not be read or saved; empty otherwise.
@@ -85,7 +85,7 @@ class ClipSession:
         self.figures: tuple[Figure, ...] = ()
         self.graphs: tuple[Graph, ...] = ()
         self.written: tuple[Path, ...] = ()
-        self.wizard: Session | None = None
+        self.calibration: Session | None = None
         self.explained: ClipExplained | None = None
         self.problem = self.unsaved = self.step = ""
         self.part = 0.0
@@ -302,13 +302,13 @@ class AppSession:
         self.clip.begin()
         return self.clip
 
-    def set_up(self, wizard: "Session") -> None:
+    def set_up(self, calibration: "Session") -> None:
         """Open the clip of a calibration at the page Set up; nothing is measured yet."""
-        self.clip = ClipSession(wizard.answers.scene.info.path, 1, self.measurer)
-        self.clip.wizard, self.page = wizard, "setup"
-        self.jobs.submit("searching for the wall grid", wizard.find_grid)
-        if wizard.answers.rest_px is None:
-            self.jobs.submit("tracking the ball", wizard.look_for_ball)
+        self.clip = ClipSession(calibration.answers.scene.info.path, 1, self.measurer)
+        self.clip.calibration, self.page = calibration, "setup"
+        self.jobs.submit("searching for the wall grid", calibration.find_grid)
+        if calibration.answers.rest_px is None:
+            self.jobs.submit("tracking the ball", calibration.look_for_ball)
 
     def end(self) -> None:
         """Stop measuring and remove temporary files."""

@@ -19,7 +19,7 @@ from pipelines.app.pages.setup import SetupPage
 from pipelines.app.pages.why import WhyPage
 from pipelines.app.session import AppSession
 from pipelines.app.words import LANGUAGES, Say, says
-from pipelines.web import SCRIPT, serve_app
+from pipelines.web import LEAVING_PATH, serve_app
 
 __all__ = ["AppWindow", "serve_page"]
 
@@ -38,7 +38,7 @@ class AppWindow:
 
     def __init__(self, session: AppSession) -> None:
         self.session = session
-        self._page: ClipPage | None = None
+        self._page: ClipPage | SetupPage | None = None
 
     @property
     def say(self) -> Say:
@@ -48,7 +48,6 @@ class AppWindow:
     def build(self) -> None:
         """Lay the page out."""
         ui.add_head_html('<link rel="stylesheet" href="/app/style.css">')
-        ui.add_head_html(SCRIPT)
         ui.add_body_html('<script src="/app/viewer.js"></script>')
         ui.add_body_html(f"<script>{_NAVIGATION}</script>")
         ui.page_title(self.say("title"))
@@ -98,7 +97,8 @@ class AppWindow:
             folder = session.folder_session
             FolderPage(folder, say, session.language, self._open_of_folder).build()
         elif session.page == "setup" and session.clip is not None:
-            SetupPage(session.clip, session.jobs, say, partial(self.go, "clip")).build()
+            self._page = SetupPage(session.clip, session.jobs, say, partial(self.go, "clip"))
+            self._page.build()
         elif session.page == "why" and session.clip is not None:
             WhyPage(session.clip, session.jobs, say).build()
         elif session.page == "export" and session.clip is not None:
@@ -161,7 +161,8 @@ class AppWindow:
         ui.timer(0.3, self.session.stop, once=True)
 
 
-_NAVIGATION = """
+_NAVIGATION = (
+    """
 // what the components leave without a name for screen readers; a file is chosen by the keyboard in
 // its field, not in the button around it
 let visionDrop = "";
@@ -187,7 +188,9 @@ window.visionShow = (page, language, drop) => {
 };
 // of links within the page, and of back and forward
 window.addEventListener("popstate", () => emitEvent("vision_page", location.hash.slice(1)));
+window.addEventListener("beforeunload", () => navigator.sendBeacon("LEAVING"));
 """
+).replace("LEAVING", LEAVING_PATH)
 """The address names the page, so that the browser's back and forward work."""
 
 

@@ -24,14 +24,16 @@ viewer.open = config => {
   const held = window.sessionStorage.getItem("vision-frame-" + config.clip);
   now = {...config, at: limited(Number(held) || 0, 0, Math.max(config.frames - 1, 0)), shown: -1,
          loading: -1, zoom: 1, left: 0, top: 0, mode: "", all: false, marks: empty(), charts: [],
-         cross: null, drag: null, play: null, unseen: true, ends: ends(config.stick)};
+         cross: null, drag: null, play: null, unseen: true, points: placed(config.points || [])};
   const words = config.words;
   const stage = make("div", {class: "vs-stage", tabindex: "0", role: "application",
                              "aria-label": words.stage, "data-test": "stage"}, host);
   const layer = make("div", {class: "vs-layer"}, stage);
   now.image = make("img", {alt: "", draggable: "false"}, layer);
-  now.svg = make("svg:svg", {viewBox: `-0.5 -0.5 ${config.width} ${config.height}`,
-                             preserveAspectRatio: "none", "aria-hidden": "true"}, layer);
+  const view = {viewBox: `-0.5 -0.5 ${config.width} ${config.height}`, preserveAspectRatio: "none",
+                "aria-hidden": "true"};
+  now.under = make("svg:svg", {...view, "data-test": "under"}, layer);
+  now.svg = make("svg:svg", view, layer);
   stage.style.aspectRatio = `${config.width} / ${config.height}`;
   // a tall clip fits on the screen
   stage.style.maxWidth = `calc(75vh * ${config.width / config.height})`;
@@ -103,16 +105,23 @@ viewer.marks = url => fetch(url).then(got => got.ok ? got.json() : empty()).then
 viewer.mode = mode => {
   if (!now) return;
   now.mode = mode;
-  now.cross = mode ? [(now.width - 1) / 2, (now.height - 1) / 2] : null;
+  const there = now.points.find(one => one.kind === mode);
+  now.cross = !mode ? null
+    : there ? [there.x[0], there.y[0]] : [(now.width - 1) / 2, (now.height - 1) / 2];
   now.stage.classList.toggle("vs-pointing", Boolean(mode));
   if (mode) now.stage.focus({preventScroll: true});
   draw();
 };
 
-// ends of the calibration stick: objects that are in every frame
-const ends = places => places.map((place, number) => place && {
-  kind: "end" + number, x: [place[0]], y: [place[1]], r: [0], rows: {get: () => 0}}).filter(Boolean);
-viewer.stick = places => { if (now) { now.ends = ends(places); draw(); } };
+// points that are in every frame; each may be joined to another one by a line
+const placed = points => points.map(one => ({...one, x: [one.x], y: [one.y], r: [0],
+                                             rows: {get: () => 0}}));
+viewer.points = points => { if (now) { now.points = placed(points); draw(); } };
+
+viewer.at = kind => now.points.filter(one => one.kind === kind).flatMap(one => [one.x[0], one.y[0]]);
+
+// drawn by the server, below everything else
+viewer.under = svg => { if (now) now.under.innerHTML = svg; };
 
 viewer.size = () => now ? [now.width, now.height] : [0, 0];
 
@@ -157,9 +166,13 @@ function circle(x, y, r, kind, label) {
   const unit = now.width / 640;
   make("svg:circle", {cx: x, cy: y, r, class: "vs-" + kind, "stroke-width": 1.6 * unit}, now.svg);
   make("svg:circle", {cx: x, cy: y, r: 1.2 * unit, class: "vs-dot vs-" + kind}, now.svg);
-  if (!label) return;
-  make("svg:text", {x: x + r + 3 * unit, y: y - r, "font-size": 12 * unit, class: "vs-text",
-                    "stroke-width": 3 * unit, text: label}, now.svg);
+  if (label) name(x + r + 3 * unit, y - r, label);
+}
+function name(x, y, text) {
+  const unit = now.width / 640, left = x > 0.85 * now.width;
+  make("svg:text", {x: left ? x - 24 * unit : x, y: Math.max(y, 14 * unit), "font-size": 12 * unit,
+                    class: "vs-text", "text-anchor": left ? "end" : "start", "stroke-width": 3 * unit,
+                    text}, now.svg);
 }
 function draw() {
   if (!now) return;
@@ -185,17 +198,21 @@ function draw() {
     const row = one.rows.get(frame);
     if (row !== undefined && !one.measured) circle(one.x[row], one.y[row], one.r[row], "found", "");
   }
-  const stick = now.ends.map(one =>
-    now.drag && now.drag.object === one ? now.drag.place : [one.x[0], one.y[0]]);
-  for (const end of stick) cross(end, "stick");
-  if (stick.length === 2)
-    make("svg:line", {x1: stick[0][0], y1: stick[0][1], x2: stick[1][0], y2: stick[1][1],
-                      class: "vs-stick", "stroke-width": 1.6 * unit}, now.svg);
+  const at = one => now.drag && now.drag.object === one ? now.drag.place : [one.x[0], one.y[0]];
+  for (const one of now.points) {
+    const joined = now.points.find(other => other !== one && other.kind === one.join);
+    const [x, y] = at(one);
+    cross([x, y], "point", one.label);
+    if (!joined) continue;
+    const [x2, y2] = at(joined);
+    make("svg:line", {x1: x, y1: y, x2, y2, class: "vs-point", "stroke-width": 1.6 * unit}, now.svg);
+  }
   if (marks.landing) cross(marks.landing, "landing");
   if (now.cross) cross(now.cross, "cross");
 }
-function cross([x, y], kind) {
+function cross([x, y], kind, label) {
   const arm = 9 * now.width / 640;
+  if (label) name(x + arm, y - arm, label);
   make("svg:path", {d: `M${x - arm},${y}H${x + arm}M${x},${y - arm}V${y + arm}`, class: "vs-" + kind,
                     "stroke-width": 1.6 * now.width / 640}, now.svg);
 }
@@ -227,7 +244,7 @@ function place(event) {
 function grabbed([x, y]) {
   const slack = 8 * now.width / now.layer.getBoundingClientRect().width;
   let best = null, least = Infinity;
-  for (const one of [...now.ends, ...now.marks.objects]) {
+  for (const one of [...now.points, ...now.marks.objects]) {
     const row = one.kind === "other" ? undefined : one.rows.get(now.shown);
     if (row === undefined) continue;
     const far = Math.hypot(x - one.x[row], y - one.y[row]);
@@ -282,7 +299,7 @@ function settle() {
 }
 function key(event) {
   const steps = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1]};
-  const step = steps[event.key], size = event.shiftKey ? 10 : 1;
+  const step = steps[event.key], size = event.shiftKey ? 10 : event.altKey && now.mode ? 0.1 : 1;
   if (now.mode && (step || event.key === "Enter" || event.key === "Escape")) {
     if (step) now.cross = now.cross.map((one, axis) => one + size * step[axis]);
     else if (event.key === "Enter") settle();

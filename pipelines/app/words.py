@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from pipelines.report.inputs import quantity_label
 
-__all__ = ["LANGUAGES", "Say", "label_of", "says", "users_language"]
+__all__ = ["LANGUAGES", "Say", "capital", "label_of", "says", "users_language"]
 
 LANGUAGES = {"en": "English", "de": "Deutsch"}
 """Languages by code."""
@@ -251,6 +251,121 @@ _TEXTS: dict[str, tuple[str, str]] = {
         "Abweichungen vorher und nachher, und die fehlende Kraft",
     ),
     "why_all": ("Everything that was tried", "Alles, was versucht wurde"),
+    "setup_of": ("Set-up of {name}", "Einrichtung von {name}"),
+    "opening_clip": ("Opening the clip, searching wall grid and ball", "Aufnahme wird geöffnet"),
+    "computing": ("Computing the uncertainty", "Unsicherheit wird berechnet"),
+    "searching_grid": ("Searching for the wall grid", "Wandraster wird gesucht"),
+    "measuring_corners": ("Measuring between the corners", "Messung zwischen den Ecken"),
+    "tracking_ball": ("Tracking the ball", "Ball wird verfolgt"),
+    "card_rate": ("Capture rate", "Bildrate"),
+    "card_wall": ("Wall grid", "Wandraster"),
+    "card_ball": ("Ball and support", "Ball und Auflage"),
+    "card_distances": ("Distances", "Abstände"),
+    "card_pendulum": ("Pendulum", "Pendel"),
+    "card_lens": ("Lens", "Objektiv"),
+    "fine_grid": ("Distance of fine lines", "Abstand der feinen Linien"),
+    "ball_and_mass": ("Ball, or diameter and mass", "Ball, oder Durchmesser und Masse"),
+    "support": ("Height of the support", "Höhe der Auflage"),
+    "camera_distance": ("Camera to wall", "Kamera zur Wand"),
+    "ball_plane": ("Ball's plane to wall", "Ballebene zur Wand"),
+    "pendulum_mass": ("Mass of all that swings", "Masse von allem, was schwingt"),
+    "pendulum_length": ("Pivot to where it strikes", "Drehachse bis zum Treffpunkt"),
+    "pendulum_com": ("Pivot to centre of mass", "Drehachse bis zum Schwerpunkt"),
+    "pendulum_period": ("Period, for the inertia", "Schwingungsdauer, für das Trägheitsmoment"),
+    "pendulum_inertia": ("Inertia about the pivot", "Trägheitsmoment um die Drehachse"),
+    "lens_file": ("Lens file, or folder of pictures", "Objektivdatei, oder Ordner mit Bildern"),
+    "rate_known": (
+        "{fps} fps: free fall determines the scale in addition.",
+        "{fps} fps: der freie Fall bestimmt zusätzlich den Maßstab.",
+    ),
+    "rate_assumed": (
+        "Unknown: {fps} fps is assumed. Every time and speed scales with it, and gravity can't be"
+        " used as a scale. Find it in the camera's menu or manual.",
+        "Unbekannt: {fps} fps ist angenommen. Jede Zeit und Geschwindigkeit hängt davon ab. Sie"
+        " steht im Menü oder in der Anleitung der Kamera.",
+    ),
+    "pitch_assumed": ("Squares of 50 mm are assumed.", "Quadrate von 50 mm sind angenommen."),
+    "grid_found": (
+        "Found automatically: {count} crossings, each ± {std} px.",
+        "Selbst gefunden: {count} Kreuzungen, jede ± {std} px.",
+    ),
+    "grid_corners": (
+        "Measured between your corners: {count} crossings, each ± {std} px.",
+        "Zwischen den Ecken gemessen: {count} Kreuzungen, jede ± {std} px.",
+    ),
+    "grid_hand": (
+        "No lines found: your {count} corners are the grid, each ± {std} px.",
+        "Keine Linien gefunden: die {count} Ecken sind das Raster, jede ± {std} px.",
+    ),
+    "not_tracked": (
+        "The ball is not tracked yet; its track determines rest, landing and size.",
+        "Der Ball ist noch nicht verfolgt; seine Bahn bestimmt Ruhelage, Landung und Größe.",
+    ),
+    "tracked_to_landing": (
+        "Tracked from rest to its lowest position, the landing.",
+        "Von der Ruhelage bis zum tiefsten Ort, der Landung, verfolgt.",
+    ),
+    "tracked": ("Tracked; its landing is not seen.", "Verfolgt; die Landung ist nicht zu sehen."),
+    "track_ball": ("Track the ball", "Ball verfolgen"),
+    "distances_note": (
+        "Both may stay empty: grid, ball and free fall determine them less precisely than a tape.",
+        "Beide dürfen leer bleiben: Raster, Ball und Fall bestimmen sie ungenauer als ein Maßband.",
+    ),
+    "depth_from": (
+        "Ball's plane to wall from {source} alone: {value}.",
+        "Ballebene zur Wand allein aus {source}: {value}.",
+    ),
+    "pendulum_note": (
+        "For restitution, impulse and energy. Time ten swings of less than 10° and give the period:"
+        " the inertia follows.",
+        "Für Stoßzahl, Kraftstoß und Energie. Zehn Schwingungen unter 10° stoppen und die Dauer"
+        " angeben: das Trägheitsmoment folgt.",
+    ),
+    "lens_note": (
+        "The wall grid determines the lens, too. A folder of pictures of the printed board helps"
+        " where the camera is square to the wall.",
+        "Auch das Wandraster bestimmt das Objektiv. Ein Ordner mit Bildern der gedruckten Tafel"
+        " hilft, wenn die Kamera senkrecht zur Wand steht.",
+    ),
+    "focal": ("Focal length {value}.", "Brennweite {value}."),
+    "by_hand": ("Set four corners by hand", "Vier Ecken von Hand setzen"),
+    "across": ("Squares across", "Quadrate quer"),
+    "up": ("Squares up", "Quadrate hoch"),
+    "measure_corners": ("Measure between them", "Dazwischen messen"),
+    "point_rest": ("Ball at rest", "Ball in Ruhe"),
+    "point_landing": ("Landing", "Landung"),
+    "point_origin": ("Origin of the wall", "Ursprung der Wand"),
+    "landing_assumed": ("Landing (assumed)", "Landung (angenommen)"),
+    "layer": ("Drawn over the frame", "Über dem Bild"),
+    "layer_grid": ("grid lines", "Rasterlinien"),
+    "layer_map": ("uncertainty map", "Karte der Unsicherheit"),
+    "layer_none": ("nothing", "nichts"),
+    "map_note": (
+        "Standard uncertainty of positions on the ball's plane, relative to the ball at rest.",
+        "Unsicherheit von Orten in der Ballebene, bezogen auf den ruhenden Ball.",
+    ),
+    "expected": ("Landing uncertainty to expect", "Zu erwartende Unsicherheit der Landung"),
+    "expected_open": ("Unknown yet.", "Noch unbekannt."),
+    "expected_at": (
+        "at the landing, {distance} from rest (one standard uncertainty)",
+        "an der Landung, {distance} von der Ruhelage (eine Standardunsicherheit)",
+    ),
+    "expected_assumed": (
+        "at an assumed landing, {distance} from rest (one standard uncertainty)",
+        "an einer angenommenen Landung, {distance} von der Ruhelage (eine Standardunsicherheit)",
+    ),
+    "verify_length": ("Verify a known length", "Eine bekannte Länge prüfen"),
+    "place_ends": ("Place its ends", "Ihre Enden setzen"),
+    "known_length": ("Known length", "Bekannte Länge"),
+    "plane": ("Plane", "Ebene"),
+    "on_wall": ("on the wall", "an der Wand"),
+    "on_ball_plane": ("on the ball's plane", "in der Ballebene"),
+    "save": ("Save only", "Nur speichern"),
+    "writes": ("Measure writes {name} and lens.toml.", "Messen schreibt {name} und lens.toml."),
+    "replaces": (
+        "Measure replaces {name} and lens.toml.",
+        "Messen ersetzt {name} und lens.toml.",
+    ),
     "closed": (
         "The page is closed. You can close this window.",
         "Die Seite ist beendet. Dieses Fenster kann geschlossen werden.",
@@ -308,6 +423,11 @@ def label_of(name: str, language: str) -> str:
     """Label of a quantity."""
     own = _LABELS.get(name) if language == "de" else None
     return own or quantity_label(name)
+
+
+def capital(sentence: str) -> str:
+    """The sentence with its first letter as a capital."""
+    return sentence[:1].upper() + sentence[1:]
 
 
 def users_language() -> str:

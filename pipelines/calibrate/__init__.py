@@ -1,1 +1,1 @@
-"""`vision calibrate`: lenses, walls, capture rates, plans and the wizard."""
+"""`vision calibrate`: set-up of a clip, lenses, walls, capture rates, plans."""

@@ -1,57 +1,45 @@
-"""Commands of `vision calibrate`: wizard, boards, lenses, walls, rates, moves."""
+"""Commands of `vision calibrate`: set-up, boards, lenses, walls, rates, moves."""
 
 import os
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-import cv2
 import numpy as np
 import typer
-from numpy.typing import NDArray
 
 from calib.board import Board, dictionary_from, find_board, write_board
-from calib.calibration import Evidence, Parameters
+from calib.calibration import Evidence, Known, Parameters
 from calib.grid import WallGrid, find_wall_grid
 from calib.lens import calibrate_lens, read_lens, write_lens
 from calib.solve import camera_movement, solve
 from metrology import (
     CalibrationError,
-    ClipError,
+    Defaults,
     NotFoundError,
     UsageError,
     parse_quantity,
+    read_given,
+    read_number,
 )
-from physics.bodies import BALLS, PAPER_SUPPORT
+from metrology.measurands import CAMERA_DISTANCE, CAPTURE_RATE, GRID_PITCH
+from pipelines.calibrate.answers import picture_of_board, point_from
 from pipelines.calibrate.plan import plan_filming_command
-from pipelines.calibrate.wizard.answers import (
-    Answers,
-    BallKind,
-    ball_from,
-    board_size,
-    distance_from,
-    fine_pitch_from,
-    lens_from_file,
-    open_scene,
-    pitch_from,
-    point_from,
-    rate_from,
-)
-from pipelines.calibrate.wizard.session import Session, lens_for, read_view, with_ball
+from pipelines.calibrate.saving import lens_for, read_view
+from pipelines.calibrate.session import Session, session_of
 from pipelines.doors import FileRole
-from pipelines.setup.file import load_setup, read_setup
+from pipelines.setup.file import load_setup
 from pipelines.terminal import DefaultCommandGroup
 from vision.clip.clip import ClipReader
 from vision.clip.footage import choose_capture_rate, rate_from_blinking
-from vision.clip.picture import decoded_image
 
 __all__ = [
     "CALIBRATE_COMMANDS",
     "ClipOrCommand",
     "describe_outlook",
     "find_unattended",
-    "session_of",
 ]
 
 
@@ -64,11 +52,6 @@ def describe_outlook(session: Session) -> str:
     before = "" if change.before is None else f", before {1e3 * change.before:.3g} mm"
     where = "an assumed landing" if found.assumed else "the landing"
     return f"{where} is expected to ± {1e3 * found.std:.3g} mm{before}"
-
-
-PRESETS = tuple(
-    BallKind(name, ball.diameter, ball.mass, PAPER_SUPPORT.height) for name, ball in BALLS.items()
-)
 
 
 class ClipOrCommand(DefaultCommandGroup):
@@ -103,6 +86,16 @@ _CameraDistanceOption = Annotated[
 _BallPlaneOption = Annotated[
     str | None, typer.Option(help="Measured distance ball's plane to wall: '0.45 m ± 5 mm'.")
 ]
+_PendulumMassOption = Annotated[str | None, typer.Option(help="Mass of all that swings.")]
+_PendulumLengthOption = Annotated[str | None, typer.Option(help="Pivot to where it strikes.")]
+_PendulumComOption = Annotated[str | None, typer.Option(help="Pivot to its centre of mass.")]
+_PendulumInertiaOption = Annotated[str | None, typer.Option(help="Inertia about the pivot.")]
+_PendulumPeriodOption = Annotated[
+    str | None, typer.Option(help="Instead: period of small swings, for the inertia.")
+]
+_SetupOption = Annotated[
+    Path | None, typer.Option(help="Setup file to begin with; its other tables are kept.")
+]
 _OutOption = Annotated[
     Path, typer.Option("--out", "-o", help="Setup file to write."), FileRole.WRITES
 ]
@@ -125,6 +118,12 @@ def clip_command(
     support_height: _SupportHeightOption = None,
     camera_distance: _CameraDistanceOption = None,
     ball_plane: _BallPlaneOption = None,
+    pendulum_mass: _PendulumMassOption = None,
+    pendulum_length: _PendulumLengthOption = None,
+    pendulum_com: _PendulumComOption = None,
+    pendulum_inertia: _PendulumInertiaOption = None,
+    pendulum_period: _PendulumPeriodOption = None,
+    setup: _SetupOption = None,
     out: _OutOption = Path("setup.toml"),
     yes: _YesOption = False,
     browser: _BrowserOption = True,
@@ -138,8 +137,9 @@ def clip_command(
     session = session_of(
         clip,
         out,
+        setup=setup,
         fps=fps,
-        lens=lens,
+        lens=None if lens is None else str(lens),
         wall_grid=wall_grid,
         fine_grid=fine_grid,
         origin_at=origin_at,
@@ -148,6 +148,11 @@ def clip_command(
         support_height=support_height,
         camera_distance=camera_distance,
         ball_plane=ball_plane,
+        pendulum_mass=pendulum_mass,
+        pendulum_length=pendulum_length,
+        pendulum_com=pendulum_com,
+        pendulum_inertia=pendulum_inertia,
+        pendulum_period=pendulum_period,
     )
     if yes:
         _unattended(session)
@@ -156,57 +161,6 @@ def clip_command(
         from pipelines.app.command import set_up_clip
 
         set_up_clip(session, browser=browser, port=port)
-
-
-def session_of(
-    clip: Path,
-    out: Path,
-    *,
-    fps: str | None = None,
-    lens: Path | None = None,
-    wall_grid: str | None = None,
-    fine_grid: str | None = None,
-    origin_at: str | None = None,
-    ball: str | None = None,
-    ball_at: str | None = None,
-    support_height: str | None = None,
-    camera_distance: str | None = None,
-    ball_plane: str | None = None,
-) -> Session:
-    """Start a calibration with the options of `vision calibrate CLIP`.
-
-    Raises
-    ------
-    ClipError
-        If the clip can't be read.
-    UsageError
-        If an option is invalid.
-    """
-    answers = Answers(open_scene(clip), out=out)
-    size = answers.scene.size
-    if fps is not None:
-        answers = replace(answers, fps=rate_from(fps))
-    if lens is not None:
-        answers = replace(answers, lens=lens_from_file(lens, size))
-    if wall_grid is not None:
-        pitch = pitch_from(wall_grid)
-        answers = replace(answers, pitch=pitch, fine_pitch=pitch / 5)
-    if fine_grid is not None:
-        answers = replace(answers, fine_pitch=fine_pitch_from(fine_grid, answers.pitch))
-    if origin_at is not None:
-        answers = replace(answers, origin_px=point_from(origin_at, size))
-    if ball is not None:
-        kind = ball_from(ball, PRESETS)
-        answers = with_ball(answers, kind, named=kind in PRESETS)
-    if ball_at is not None:
-        answers = replace(answers, rest_px=point_from(ball_at, size))
-    for key, text in (("camera_distance", camera_distance), ("ball_plane_offset", ball_plane)):
-        if text is not None:
-            answers = replace(answers, **{key: distance_from(text)})  # type: ignore[arg-type]
-    if support_height is not None:
-        known = distance_from(support_height)
-        answers = replace(answers, support_height=None if known is None else known.value)
-    return Session(answers, PRESETS, _readable)
 
 
 def old_view(against: Path) -> Path | None:
@@ -234,10 +188,6 @@ def _require_folder(out: Path) -> None:
             f"can't write {out}: {folder} is not a writable folder",
             hint="Pass a file in an existing, writable folder as --out.",
         )
-
-
-def _readable(text: str, folder: Path) -> None:
-    read_setup(text, "the new setup file", folder=folder)
 
 
 def _say(line: str) -> None:
@@ -275,7 +225,7 @@ def _write(session: Session) -> None:
         _say(warning)
     if session.outlook.std is not None:
         typer.echo(describe_outlook(session))
-    typer.echo(f"wrote {written.setup} and {written.lens}")
+    typer.echo(f"wrote {written}")
 
 
 def rate_command(
@@ -295,7 +245,7 @@ def rate_command(
         raise UsageError(f"--around {around} is negative", hint="Pass 0 px or more.")
     top, left = max(0, round(float(row)) - around), max(0, round(float(column)) - around)
     place = np.s_[top : round(float(row)) + around + 1, left : round(float(column)) + around + 1]
-    rate = choose_capture_rate(film.info, None if fps is None else rate_from(fps))
+    rate = choose_capture_rate(film.info, None if fps is None else read_number(fps, CAPTURE_RATE))
     found = rate_from_blinking(
         [float(frame.gray[place].mean()) for frame in film.frames()],
         parse_quantity(blink, "Hz"),
@@ -333,20 +283,34 @@ Marker = Annotated[
 def _board(
     size: str, square: str, charuco: bool, dictionary: str | None, marker: str | None
 ) -> Board:
-    columns, rows = board_size(size)
-    side = pitch_from(square)
+    columns, rows = _inner_corners(size)
+    side = read_number(square, GRID_PITCH)
     known = Board(columns, rows, side, charuco or dictionary is not None or marker is not None)
     if dictionary is not None:
         known = replace(known, dictionary=dictionary_from(dictionary))
     if marker is None:
         return known
-    smaller = pitch_from(marker)
+    smaller = read_number(marker, GRID_PITCH)
     if smaller >= side:
         raise UsageError(
             f"--marker {marker} is not smaller than a square of {1e3 * side:g} mm",
             hint="Pass the side of a marker, and as --square the side of a square around it.",
         )
     return replace(known, marker_m=smaller)
+
+
+def _inner_corners(text: str) -> tuple[int, int]:
+    match = re.fullmatch(r"\s*(\d+)\s*[x×]\s*(\d+)\s*", text)
+    if match is None or min(int(n) for n in match.groups()) < 3:
+        raise UsageError(
+            f"{text!r} is not a board size", hint="Write inner corners as columns x rows: 8x6."
+        )
+    return int(match[1]), int(match[2])
+
+
+def _taped(text: str) -> Known:
+    given = read_given(text, CAMERA_DISTANCE, "--camera-distance")
+    return Known(given.value, Defaults.TAPE.std if given.std is None else given.std)
 
 
 def board_command(
@@ -375,7 +339,9 @@ def lens_command(
 ) -> None:
     """Calibrate a lens from images of a board; write lens.toml."""
     board = _board(size, square, charuco, dictionary, marker)
-    found = calibrate_lens([find_board(_picture(path), board, path.name) for path in pictures])
+    found = calibrate_lens(
+        [find_board(picture_of_board(path), board, path.name) for path in pictures]
+    )
     write_lens(out, found)
     lens, std = found.lens, found.std
     typer.echo(
@@ -396,7 +362,7 @@ def wall_command(
 ) -> None:
     """Find the wall grid of a clip and determine the camera position."""
     grid = _grid(clip, wall_grid)
-    tape = None if camera_distance is None else distance_from(camera_distance)
+    tape = None if camera_distance is None else _taped(camera_distance)
     prior = None if lens is None else read_lens(lens, width=grid.size[0], height=grid.size[1])
     found = solve(grid, Evidence(camera_distance=tape), lens=prior).calibration
     value, std = found.parameters, Parameters.of(np.sqrt(np.diag(found.covariance)))
@@ -450,15 +416,7 @@ def _grid(path: Path, pitch: str) -> WallGrid:
     clip = ClipReader.open(path)
     stride = max(1, clip.info.frames // WALL_MEDIAN_FRAMES)
     frames = [frame.gray for frame in clip.frames() if frame.index % stride == 0]
-    return find_wall_grid(np.median(frames, axis=0), pitch_m=pitch_from(pitch))
-
-
-def _picture(path: Path) -> NDArray[np.uint8]:
-    data = path.read_bytes() if path.is_file() else b""
-    picture = decoded_image(data, cv2.IMREAD_GRAYSCALE, path)
-    if picture is None:
-        raise ClipError(f"{path} is not a readable image", hint="Pass JPEG or PNG files.")
-    return np.asarray(picture, dtype=np.uint8)
+    return find_wall_grid(np.median(frames, axis=0), pitch_m=read_number(pitch, GRID_PITCH))
 
 
 CALIBRATE_COMMANDS: dict[str, Callable[..., None]] = {

@@ -36,6 +36,7 @@ __all__ = [
     "centre_of_arc",
     "radius_relative_std",
     "scene_evidence",
+    "stated_evidence",
     "tracks_in_metres",
 ]
 
@@ -650,25 +651,32 @@ def _known(pair: tuple[float, float] | None) -> Known | None:
     return None if pair is None else Known(*pair)
 
 
+def stated_evidence(inputs: Inputs) -> Evidence:
+    """Evidence on the scene that is stated, without a track."""
+    camera, wall = inputs.setup.camera, inputs.setup.wall
+    evidence = Evidence(
+        camera_distance=_known(camera.distance_to_wall),
+        ball_plane_offset=_known(wall.ball_plane_offset),
+        pitch_relative_std=inputs.rig.grid_pitch.relative_std,
+    )
+    if inputs.ball is None:
+        return evidence
+    radius = 0.5 * inputs.ball.diameter
+    height = 0.0 if inputs.fall is None else inputs.fall + radius
+    return replace(evidence, ball_radius=radius, rest_height=height)
+
+
 def scene_evidence(tracks: Tracks, inputs: Inputs) -> Evidence:
     """Evidence on the scene other than its grid.
 
     The foot of the optical axis is measured from the ball at rest and the floor; without these it
     can't be used.
     """
-    camera, wall = inputs.setup.camera, inputs.setup.wall
-    foot = camera.principal_point_on_wall
+    foot = inputs.setup.camera.principal_point_on_wall
     ball = tracks.ball
-    evidence = Evidence(
-        camera_distance=_known(camera.distance_to_wall),
-        ball_plane_offset=_known(wall.ball_plane_offset),
-        pitch_relative_std=inputs.rig.grid_pitch.relative_std,
-    )
+    evidence = stated_evidence(inputs)
     if inputs.ball is not None:
-        radius = 0.5 * inputs.ball.diameter
-        evidence = replace(evidence, ball_radius=radius, outlines=_outlines(ball, tracks, inputs))
-        if inputs.fall is not None:
-            evidence = replace(evidence, rest_height=inputs.fall + radius)
+        evidence = replace(evidence, outlines=_outlines(ball, tracks, inputs))
     if tracks.rest_frames is not None:
         first, last = tracks.rest_frames
         still = (ball.frame >= first) & (ball.frame <= last)

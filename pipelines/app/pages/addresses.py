@@ -4,15 +4,13 @@ from functools import partial
 from html import escape
 from importlib.resources import files
 
-from fastapi import FastAPI, HTTPException, Request, Response
+from fastapi import FastAPI, HTTPException, Response
 from fastapi.responses import HTMLResponse, JSONResponse
 
 from metrology import ImpactVisionError
 from pipelines.app.exports import sheet_html
 from pipelines.app.session import AppSession
 from pipelines.app.words import label_of
-from pipelines.calibrate.wizard.drawing import encoded
-from pipelines.calibrate.wizard.page import FIRST_URL, PICTURE_URL
 
 __all__ = ["app_of"]
 
@@ -90,17 +88,6 @@ def _of_other_pages(app: FastAPI, session: AppSession) -> None:
         if content is None:
             raise HTTPException(404)
         return Response(content, media_type="image/jpeg", headers=_FRESH)
-
-    def scene(request: Request) -> Response:
-        wizard = None if session.clip is None else session.clip.wizard
-        if wizard is None:
-            raise HTTPException(404)
-        shown = wizard.answers.scene
-        picture = shown.first if request.url.path == FIRST_URL else shown.picture
-        return Response(encoded(picture), media_type="image/png", headers=_FRESH)
-
-    for url in (PICTURE_URL, FIRST_URL):
-        app.add_api_route(url, scene)
 
     @app.get("/why/{number}")
     def why(number: int) -> Response:

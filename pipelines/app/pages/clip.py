@@ -10,9 +10,10 @@ from nicegui import ui
 from metrology import UsageError
 from pipelines.app.corrections import ClipInputs, Corrections, Stick, cure_of
 from pipelines.app.figures import LARGE_FIGURES, Figure, Standing
+from pipelines.app.pages.frame import ClipFrame, FramePoint, PlacedAt
 from pipelines.app.pages.spans import SpanCard
 from pipelines.app.session import AppSession, ClipSession
-from pipelines.app.words import Say, label_of
+from pipelines.app.words import Say, capital, label_of
 
 __all__ = ["ClipPage", "copy_card", "standing_text"]
 
@@ -33,14 +34,14 @@ KINDS = ("strike", "flight", "drop", "bounce", "swing", "collision")
 
 
 _ENDS = ("end0", "end1")
-_PLACED = ("ball", "mass", *_ENDS)
-"""What can be placed in the frame: objects, and the ends of a calibration stick."""
+_OBJECTS = ("ball", "mass")
+"""What can be placed in the frame: ends of a calibration stick, and objects."""
 
 
-def _ends_of(stick: Stick | None) -> list[tuple[float, float] | None]:
+def _ends_of(stick: Stick | None) -> dict[str, tuple[float, float]]:
     if stick is None:
-        return [None, None]
-    return [(stick.x0_px, stick.y0_px), (stick.x1_px, stick.y1_px)]
+        return {}
+    return {"end0": (stick.x0_px, stick.y0_px), "end1": (stick.x1_px, stick.y1_px)}
 
 
 def standing_text(figure: Figure, say: Say) -> str:
@@ -62,11 +63,11 @@ class ClipPage:
         self.session, self.clip, self.say = session, clip, say
         self._revision = -1
         self._drawn: object = None
-        self._opened = False
-        self._mode = ""
+        self._frame = ClipFrame(clip, say, self._marks_url)
         self._span: SpanCard | None = None
         self._stick: Stick | None = None
         self._ends = _ends_of(None)
+        self._unreadable = False
 
     def build(self) -> None:
         """Lay the page out."""
@@ -91,13 +92,10 @@ class ClipPage:
     def _frame_card(self) -> None:
         say = self.say
         with ui.column().classes("va-card"):
-            ui.element("div").props("id=viewer").classes("w-full")
+            self._frame.build()
             with ui.row().classes("items-center gap-2 va-hidden-in-print"):
-                self._modes = {}
                 for mode, key in (("ball", "this_ball"), ("mass", "this_mass"), ("end0", "stick")):
-                    button = ui.button(say(key), on_click=lambda _, mode=mode: self._point(mode))
-                    button.props(f"outline dense aria-pressed=false data-test=point-{mode}")
-                    self._modes[mode] = button
+                    self._frame.button(mode, say(key))
                 self._undo = ui.button(say("undo"), on_click=self.clip.undo)
                 self._undo.props("flat dense data-test=undo")
                 self._redo = ui.button(say("redo"), on_click=self.clip.redo)
@@ -107,8 +105,6 @@ class ClipPage:
                 self._length.on("keydown.enter", self._use_stick)
                 found = ui.checkbox(say("show_found"), on_change=self._show_found)
                 found.props("dense data-test=show-found")
-            self._hint = ui.label(say("point_at")).classes("va-small").props("role=status")
-            self._hint.set_visibility(False)
 
     @ui.refreshable_method
     def status(self) -> None:
@@ -122,7 +118,11 @@ class ClipPage:
                     f'aria-label="{say("measuring", step=clip.step)}" color=teal'
                 )
         if problem:
-            note = ui.label(problem).classes("va-note bad").props("role=alert data-test=problem")
+            note = (
+                ui.label(capital(problem))
+                .classes("va-note bad")
+                .props("role=alert data-test=problem")
+            )
             note.style("white-space: pre-wrap")
         if clip.unsaved:
             ui.label(say("not_saved", why=clip.unsaved)).classes("va-note bad").props(
@@ -209,13 +209,13 @@ class ClipPage:
             for sentence in said:
                 kind = "bad" if sentence in contradictions else "warn"
                 with ui.column().classes(f"va-note {kind} gap-1"):
-                    ui.label(sentence)
+                    ui.label(capital(sentence))
                     self._cures(contradictions.get(sentence, ()))
 
     def _cures(self, options: tuple[str, ...]) -> None:
         """A button for each input that alone resolves a contradiction."""
         keys = {name: key for name, key, _ in _INPUTS}
-        for found in map(cure_of, options):
+        for found in (cure_of(one, keys) for one in options):
             if found is None:
                 continue
             name, text = found
@@ -291,48 +291,39 @@ class ClipPage:
             if self._span is not None:
                 self._span.select(sent)
             return
-        mode = self._mode
-        if name == "pointed":
-            self._point("")
-        try:
-            kind, frame = str(sent["object"]), int(sent["frame"])
-            x, y = float(sent["x"]), float(sent["y"])
-        except (KeyError, TypeError, ValueError):
+        placed = self._frame.placed(name, sent)
+        if placed is None:
             return
-        info = self.clip.frames.info
-        inside = info is not None and 0 <= frame < info.frames
-        if not inside or kind not in _PLACED or (name == "pointed" and kind != mode):
-            return
-        assert info is not None
-        x, y = min(max(x, -0.5), info.width - 0.5), min(max(y, -0.5), info.height - 0.5)
-        if kind in _ENDS:
-            self._place_end(_ENDS.index(kind), (x, y), pointed=name == "pointed")
-        else:
-            self.clip.mark(kind, frame, x, y, moved=name == "moved")
+        if placed.kind in _ENDS:
+            self._place_end(placed)
+        elif placed.kind in _OBJECTS:
+            moved = not placed.pointed
+            self.clip.mark(placed.kind, placed.frame, placed.x, placed.y, moved=moved)
 
-    def _place_end(self, end: int, place: tuple[float, float], *, pointed: bool) -> None:
-        self._ends[end] = (round(place[0], 2), round(place[1], 2))
-        self._show_stick()
-        if pointed and end == 0:
-            self._point(_ENDS[1])
+    def _place_end(self, placed: PlacedAt) -> None:
+        self._ends[placed.kind] = (placed.x, placed.y)
+        self._show_points()
+        if placed.pointed and placed.kind == "end0":
+            self._frame.point("end1", shown_as="end0")
         else:
             self._use_stick()
 
     def _use_stick(self) -> None:
-        first, second = self._ends
         length = str(self._length.value or "").strip()
-        if first is None or second is None:
+        if len(self._ends) < len(_ENDS):
             return
         if not length:
             ui.notify(self.say("stick_needs_length"))
             return
         try:
-            self.clip.place_stick(Stick(*first, *second, length))
+            self.clip.place_stick(Stick(*self._ends["end0"], *self._ends["end1"], length))
         except UsageError as problem:
             ui.notify(problem.in_one_line, type="negative")
 
-    def _show_stick(self) -> None:
-        ui.run_javascript(f"visionViewer.stick({json.dumps(self._ends)})")
+    def _show_points(self) -> None:
+        self._frame.points(
+            [FramePoint(key, x, y, "", "end0") for key, (x, y) in self._ends.items()]
+        )
 
     def _take_stick(self) -> None:
         """Show the stick of the corrections, also after undo."""
@@ -341,15 +332,7 @@ class ClipPage:
             self._stick = stick
             self._ends = _ends_of(stick)
             self._length.set_value("" if stick is None else stick.length)
-            self._show_stick()
-
-    def _point(self, mode: str) -> None:
-        self._mode = "" if mode == self._mode else mode
-        pressed = _ENDS[0] if self._mode in _ENDS else self._mode
-        for name, button in self._modes.items():
-            button.props(f"aria-pressed={'true' if pressed == name else 'false'}")
-        self._hint.set_visibility(bool(self._mode))
-        ui.run_javascript(f"visionViewer.mode({json.dumps(self._mode)})")
+            self._show_points()
 
     def _show_found(self, event: Any) -> None:
         ui.run_javascript(f"visionViewer.all({json.dumps(bool(event.value))})")
@@ -376,7 +359,11 @@ class ClipPage:
 
     def _poll(self) -> None:
         clip = self.clip
-        self._open_viewer()
+        if self._frame.open():
+            self._facts.text = self._frame.facts()
+        elif clip.frames.problem and clip.frames.info is None and not self._unreadable:
+            self._unreadable = True
+            self.status.refresh()
         if clip.revision == self._revision:
             return
         self._revision = clip.revision
@@ -401,46 +388,6 @@ class ClipPage:
     @property
     def _marks_url(self) -> str:
         return f"/marks/{self.clip.number}/{self.clip.revision}"
-
-    def _open_viewer(self) -> None:
-        frames = self.clip.frames
-        info = frames.info
-        if info is None:
-            if frames.ended:
-                self.status.refresh()
-            return
-        if not self._opened:
-            self._opened = True
-            rate = "" if info.capture_fps_metadata is None else f"{info.capture_fps_metadata:g} fps"
-            self._facts.text = self.say(
-                "facts",
-                width=info.width,
-                height=info.height,
-                frames=info.frames,
-                rate=rate or info.codec,
-            )
-            ui.run_javascript(f"visionViewer.open({json.dumps(self._viewer_config())})")
-        elif frames.ended and frames.ready != info.frames:
-            ui.run_javascript(f"visionViewer.frames({frames.ready})")
-
-    def _viewer_config(self) -> dict[str, Any]:
-        info, say = self.clip.frames.info, self.say
-        assert info is not None
-        names = ("stage", "timeline", "frame", "back", "forward", "play", "larger", "smaller")
-        return {
-            "host": "#viewer",
-            "clip": self.clip.number,
-            "width": info.width,
-            "height": info.height,
-            "frames": info.frames,
-            "marks": self._marks_url,
-            "stick": self._ends,
-            "words": {
-                **{name: say(name) for name in names},
-                "objects": {name: say(name) for name in ("ball", "pendulum")},
-                "events": {name: say(name) for name in ("contact", "landing", "begins", "ends")},
-            },
-        }
 
 
 def copy_card(say: Say, command: str, python: str) -> None:

@@ -26,6 +26,7 @@ from vision.tracks import MotionKind
 
 CLIP = Path("/lab/a strike.mp4")
 STICK = "[stick]\nx0_px = 0\ny0_px = 0\nx1_px = {x}\ny1_px = 0\nlength = {length}"
+KNOWN = ("fps", "wall_grid", "scale")
 
 
 def test_corrections_survive_the_file(tmp_path: Path) -> None:
@@ -199,7 +200,7 @@ def test_a_stick_gives_the_scale_with_the_uncertainty_of_its_ends_and_length() -
 
 
 def test_a_proposed_option_is_an_input_of_the_clip() -> None:
-    assert cure_of("--scale '2.44 mm/px'") == ("scale", "2.44 mm/px")
-    assert cure_of("--wall-grid 50mm") == ("wall_grid", "50mm")
-    assert cure_of('measure both again. distance_to_wall = "4 m" in [camera]') is None
-    assert cure_of("--fps") is None
+    assert cure_of("--scale '2.44 mm/px'", KNOWN) == ("scale", "2.44 mm/px")
+    assert cure_of("--wall-grid 50mm", KNOWN) == ("wall_grid", "50mm")
+    assert cure_of('measure both again. distance_to_wall = "4 m" in [camera]', KNOWN) is None
+    assert cure_of("--fps", KNOWN) is None

@@ -1,4 +1,4 @@
-"""A wizard that runs, and a headless Chromium to look at it with."""
+"""A page Set up that runs, and a headless Chromium to look at it with."""
 
 import shutil
 from collections.abc import Callable, Iterator
@@ -41,7 +41,8 @@ def opened_plain(browser: Any, address: str) -> Any:
 
 def opened(browser: Any, address: str) -> Any:
     page = opened_plain(browser, address)
-    page.wait_for_selector("[data-test=panel]")
+    page.wait_for_selector("[data-test=stage][data-shown]")
+    page.wait_for_selector("[data-test=outlook]")
     return page
 
 
@@ -76,11 +77,6 @@ def fill(page: Any, name: str, text: str) -> None:
     settled(page)
 
 
-def value(page: Any, name: str) -> float:
-    """Number in a field."""
-    return float(page.locator(f"[data-test={name}]").input_value())
-
-
 def std_mm(page: Any) -> float:
     """The uncertainty shown, mm."""
     return float(page.inner_text("[data-test=std]").removeprefix("±").removesuffix("mm"))
@@ -88,6 +84,6 @@ def std_mm(page: Any) -> float:
 
 def on_picture(page: Any, x: float, y: float) -> tuple[float, float]:
     """Where a pixel of the picture is on the page."""
-    box = page.locator("[data-test=picture]").bounding_box()
+    box = page.locator("[data-test=stage]").bounding_box()
     scale = box["width"] / 432
     return box["x"] + (x + 0.5) * scale, box["y"] + (y + 0.5) * scale

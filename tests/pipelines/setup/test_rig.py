@@ -8,7 +8,7 @@ import pytest
 
 from metrology import Default, Defaults, SetupError, UsageError
 from physics.air import moist_air_density
-from pipelines.calibrate.wizard.answers import pitch_from
+from pipelines.calibrate.answers import OPTIONS
 from pipelines.measure.budget import ClipConditions, systematic_budget
 from pipelines.measure.inputs import gather_inputs
 from pipelines.setup.file import Origin, Setup, read_setup, rig_of
@@ -172,8 +172,8 @@ def test_a_wrong_grid_is_refused_alike_by_option_setup_and_wizard(typed: object)
     with pytest.raises(UsageError) as by_option:
         gather_inputs(Setup(), None, str(typed))
     with pytest.raises(UsageError) as by_wizard:
-        pitch_from(str(typed))
-    assert str(by_option.value) == f"--wall-grid {by_wizard.value}"
+        OPTIONS["wall_grid"].read(None, str(typed), "--wall-grid")  # type: ignore[arg-type]
+    assert str(by_option.value) == str(by_wizard.value)
 
 
 @pytest.mark.parametrize(

@@ -1,1 +1,0 @@
-"""The calibration wizard: from a clip to a setup file in six steps."""
