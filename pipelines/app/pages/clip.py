@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from functools import partial
+from html import escape
 from typing import Any
 
 from nicegui import ui
@@ -63,6 +64,7 @@ class ClipPage:
         self.session, self.clip, self.say = session, clip, say
         self._revision = -1
         self._drawn: object = None
+        self._numbered: object = None
         self._frame = ClipFrame(clip, say, self._marks_url)
         self._span: SpanCard | None = None
         self._stick: Stick | None = None
@@ -185,14 +187,15 @@ class ClipPage:
     def _budget(self, figure: Figure) -> None:
         if not figure.budget:
             return
-        with ui.element("details"):
-            with ui.element("summary").classes("va-small"):
-                ui.label(self.say("made_of")).classes("inline")
-            with ui.element("div").classes("va-budget"):
-                for source, std, part in figure.budget:
-                    ui.label(source)
-                    ui.label(std).style("text-align: right")
-                    ui.element("div").classes("va-bar").style(f"width: {min(100 * part, 100):.0f}%")
+        # one element in place of a hundred: the page draws anew within a correction
+        rows = "".join(
+            f'<span>{escape(source)}</span><span style="text-align: right">{escape(std)}</span>'
+            f'<span class="va-bar" style="width: {min(100 * part, 100):.0f}%"></span>'
+            for source, std, part in figure.budget
+        )
+        head = f'<summary class="va-small">{escape(self.say("made_of"))}</summary>'
+        table = f'<div class="va-budget">{rows}</div>'
+        ui.html(head + table, sanitize=False, tag="details")
 
     @ui.refreshable_method
     def messages(self) -> None:
@@ -378,9 +381,12 @@ class ClipPage:
         self._take_stick()
         for name, field in self._fields.items():
             field.set_value(getattr(history.now.inputs, name))
-        self.numbers.refresh()
-        self.messages.refresh()
         self.repeats.refresh()
+        shown = (id(clip.measured), clip.measured is None and clip.busy)
+        if shown != self._numbered:
+            self._numbered = shown
+            self.numbers.refresh()
+            self.messages.refresh()
         if not clip.busy:
             self.graphs.refresh()
             ui.run_javascript(f"visionViewer.marks({json.dumps(self._marks_url)})")
