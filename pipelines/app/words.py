@@ -354,6 +354,12 @@ _TEXTS: dict[str, tuple[str, str]] = {
         "at an assumed landing, {distance} from rest (one standard uncertainty)",
         "an einer angenommenen Landung, {distance} von der Ruhelage (eine Standardunsicherheit)",
     ),
+    "ball_is_scale": (
+        "There is no wall grid: the ball's diameter is the scale. The landing is then less certain;"
+        " a stick on page Clip helps.",
+        "Ohne Wandraster ist der Durchmesser des Balls der Maßstab. Die Landung ist unsicherer;"
+        " ein Maßstab auf der Seite Aufnahme hilft.",
+    ),
     "verify_length": ("Verify a known length", "Eine bekannte Länge prüfen"),
     "place_ends": ("Place its ends", "Ihre Enden setzen"),
     "known_length": ("Known length", "Bekannte Länge"),
@@ -361,11 +367,8 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "on_wall": ("on the wall", "an der Wand"),
     "on_ball_plane": ("on the ball's plane", "in der Ballebene"),
     "save": ("Save only", "Nur speichern"),
-    "writes": ("Measure writes {name} and lens.toml.", "Messen schreibt {name} und lens.toml."),
-    "replaces": (
-        "Measure replaces {name} and lens.toml.",
-        "Messen ersetzt {name} und lens.toml.",
-    ),
+    "writes": ("Measure writes {name}.", "Messen schreibt {name}."),
+    "replaces": ("Measure replaces {name}.", "Messen ersetzt {name}."),
     "closed": (
         "The page is closed. You can close this window.",
         "Die Seite ist beendet. Dieses Fenster kann geschlossen werden.",

@@ -298,8 +298,10 @@ class SetupPage:
                 ui.label(say("expected"))
             if found.std is None or found.distance is None:
                 ui.label(say("expected_open")).classes("va-small").props("data-test=std")
-                if found.problem:
-                    ui.label(capital(found.problem)).classes("va-note warn")
+                scaled = session.answers.grid is None and session.answers.inputs.ball is not None
+                problem = say("ball_is_scale") if scaled else found.problem
+                if problem:
+                    ui.label(capital(problem)).classes("va-note warn")
             else:
                 with ui.element("div").classes("va-figure"), ui.element("b"):
                     ui.label(f"± {_millimetres(found.std)}").props("data-test=std")
@@ -363,7 +365,8 @@ class SetupPage:
     @ui.refreshable_method
     def repeats(self) -> None:
         """The same calibration as a command."""
-        if self.session is not None:
+        # the command without questions needs a wall grid
+        if self.session is not None and self.session.answers.grid is not None:
             copy_card(self.say, command_of(self.session.answers), "")
 
     def on_viewer(self, name: str, sent: dict[str, Any]) -> None:
