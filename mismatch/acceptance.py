@@ -70,7 +70,8 @@ class NameEvidence:
     gain : float
         Evidence of the answer over the baseline, in units of the misfit.
     log_odds : float
-        Evidence over that set and over chance, in units of the misfit.
+        Evidence over chance and all sets that do without it together, in units of the misfit: five
+        answers that are as good leave each a fifth.
     log_odds_over_unnamed : float
         Evidence of the whole answer over the best answer of the other kind: of names over forces
         without a name, or the reverse.
@@ -194,9 +195,7 @@ def evidence_for_names(
     found = []
     for member in best.members:
         without = naming.best_without(member.id)
-        rival = 0.0 if without is None else naming.height(without)
-        chance = naming.threshold - 6.0
-        odds = mine - max(rival, chance)
+        odds = mine - _together_without(naming, best, member.id)
         known = base if without is None else without.fit
         predicted, interval = _removed(predictions, known, best.fit)
         held = _held_gain(predictions, known, best)
@@ -218,6 +217,24 @@ def evidence_for_names(
             )
         )
     return tuple(found)
+
+
+def _together_without(naming: Naming, best: Hypothesis, identity: str) -> float:
+    """Evidence of chance and of all allowed sets of names that do without one of them.
+
+    Sets of one law in several forms count once. Probabilities are added, each as far from certain
+    as an imperfect form leaves it.
+    """
+    heights: dict[tuple[str, ...], float] = {}
+    for h in naming.tried:
+        if h.allowed and identity not in h.ids and not h.has_unnamed:
+            ids = tuple(sorted(h.ids))
+            heights[ids] = max(naming.height(h), heights.get(ids, -math.inf))
+    evidence = np.array([naming.threshold - 6.0, *heights.values()])
+    gain = naming.height(best) / best.reduced_chi2
+    unit = 2.0 * best.reduced_chi2 * (1.0 + FORM_ERROR * max(gain, 0.0) / ODDS)
+    top = float(evidence.max())
+    return top + unit * math.log(float(np.exp((evidence - top) / unit).sum()))
 
 
 def sets_to_predict(naming: Naming) -> tuple[Hypothesis, ...]:

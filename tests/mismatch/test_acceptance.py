@@ -10,6 +10,8 @@ import pytest
 
 from mismatch import explain
 from mismatch.acceptance import (
+    FORM_ERROR,
+    ODDS,
     NameEvidence,
     calibrated_probability,
     evidence_for_names,
@@ -109,6 +111,23 @@ def test_a_name_is_held_against_sets_of_every_size(monkeypatch):
     naming = Naming(single, (more, single), 12.0, SimpleNamespace(candidates=()))
     (found,) = evidence_for_names(None, _fit([], []), naming, predictions, 0)
     assert found.without == ()
+
+
+def test_a_name_is_held_against_all_that_do_without_it_together(monkeypatch):
+    """Five sets as good as the answer leave it a sixth; the best of them alone left it a half."""
+    monkeypatch.setattr("mismatch.acceptance.smooth_structure", lambda forward, best: 0.0)
+    single, late = _answer(("magnus",), 50.0), np.ones(4)
+    laws = ("drag", "wind", "buoyancy", "camera_roll", "time_base")
+    rivals = [_answer((one,), 50.0) for one in laws]
+    odds = []
+    for count in (1, 5):
+        tried = (single, *rivals[:count])
+        naming = Naming(single, tried, 12.0, SimpleNamespace(candidates=()))
+        predictions = {id(h.fit): Prediction(late, late, 10.0, late, late) for h in tried}
+        (found,) = evidence_for_names(None, _fit([], []), naming, predictions, 0)
+        odds.append(found.log_odds)
+    imperfect = 1.0 + FORM_ERROR * 50.0 / ODDS
+    assert odds == pytest.approx([0.0, -2.0 * imperfect * np.log(5.0)], abs=1e-6)
 
 
 @pytest.mark.parametrize("finer", [1.0, 3.0, 10.0])
