@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from threading import Lock, Thread
+from threading import RLock, Thread
 from typing import TYPE_CHECKING, Any
 
 from metrology import ImpactVisionError, NotFoundError
@@ -89,7 +89,7 @@ class Measurer:
 
     def __init__(self, on_answer: Callable[[ClipAnswer], None]) -> None:
         self._on_answer = on_answer
-        self._lock = Lock()
+        self._lock = RLock()
         self._pipe: Connection | None = None
         self._process: Any = None
         self._number = 0
@@ -97,7 +97,7 @@ class Measurer:
     def start(self) -> None:
         """Start the process, so that the first task need not wait for it."""
         with self._lock:
-            if self._process is not None and self._process.is_alive():
+            if self._process is not None:
                 return
             self._pipe, theirs = _FRESH.Pipe()
             self._process = _FRESH.Process(target=_serve, args=(theirs,), daemon=True)
@@ -109,8 +109,8 @@ class Measurer:
         self, clip: Path, options: MeasureOptions, corrected: "pd.DataFrame | None" = None
     ) -> int:
         """Measure a clip instead of what is being measured; return the task's number."""
-        self.start()
         with self._lock:
+            self.start()
             self._number += 1
             task = Task(self._number, clip, options, corrected)
             assert self._pipe is not None
@@ -136,10 +136,12 @@ class Measurer:
                 break
             self._pass_on(answer)
         with self._lock:
-            ours = pipe is self._pipe
-        if ours:
-            problem = "The measuring process ended unexpectedly. Measure again."
-            self._pass_on(ClipAnswer(self._number, problem=problem))
+            if pipe is not self._pipe:
+                return
+            # a process whose pipe has closed may still count as alive for a moment
+            self._process, number = None, self._number
+        problem = "The measuring process ended unexpectedly. Measure again."
+        self._pass_on(ClipAnswer(number, problem=problem))
 
     def _pass_on(self, answer: ClipAnswer) -> None:
         if answer.number == self._number:
