@@ -13,7 +13,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from bench.concealed.answer import Answer, answer_from_json
-from bench.concealed.calibration import claims_of, draw_reliability
+from bench.concealed.calibration import draw_reliability
 from bench.concealed.campaign import Key, read_key
 from bench.concealed.engine import engine_answer, engine_version
 from bench.concealed.filmed.section import section
@@ -26,7 +26,7 @@ from bench.concealed.report import (
     with_kept_sections,
 )
 from bench.concealed.run import Stop, run_until
-from bench.concealed.score import Judgement, judge
+from bench.concealed.score import judge
 from bench.concealed.second.careful import GENERATOR as CAREFUL_GENERATOR
 from bench.concealed.second.careful import draw_careful
 from bench.concealed.second.draw import GENERATOR as SECOND_GENERATOR
@@ -247,7 +247,8 @@ def main() -> None:
     output = options.output
     if output is None and options.campaigns >= WHOLE_PROOF and options.world is World.OWN:
         output = ROOT / "docs" / "evidence" / "concealed.md"
-    reliability = _reliability(output, [s.judgement for s in (*theirs, *second)])
+    judged = [s.judgement for s in (*theirs, *second)]
+    reliability = "" if output is None else draw_reliability(judged, output)
     text = proof_text(own, theirs, asked, real, pixels, second, reliability)
     if output is None:
         print(text)
@@ -256,15 +257,6 @@ def main() -> None:
             text = with_kept_sections(text, output.read_text(encoding="utf-8"))
         write_text_whole(output, text)
         print(f"wrote {output}: {len(own)} of {options.campaigns} campaigns scored")
-
-
-def _reliability(output: Path | None, judgements: list[Judgement]) -> str:
-    """Draw the reliability diagram next to the page; its link, or an empty string."""
-    pictures = None if output is None else output.parent / "pictures"
-    if pictures is None or not pictures.is_dir() or not claims_of(judgements):
-        return ""
-    draw_reliability(judgements, pictures / "reliability.svg")
-    return "pictures/reliability.svg"
 
 
 def _key(shelf: Shelf, number: int) -> Key:

@@ -119,9 +119,19 @@ def calibration_section(judgements: Sequence[Judgement], picture: str = "") -> l
     return [*lines, ""]
 
 
-def draw_reliability(judgements: Sequence[Judgement], path: Path) -> None:
-    """Frequency over stated probability, with 95 % intervals and number of names."""
+def draw_reliability(judgements: Sequence[Judgement], page: Path) -> str:
+    """Frequency over stated probability, with 95 % intervals and number of names.
+
+    Returns
+    -------
+    str
+        Link from `page` to the picture in the folder of pictures next to the page's folder; empty
+        if there is no such folder or nothing was named.
+    """
     claims = claims_of(judgements)
+    path = page.parent.parent / "pictures" / "reliability.svg"
+    if not claims or not path.parent.is_dir():
+        return ""
     _, bins = calibration_error([c.stated for c in claims], [c.right for c in claims])
     figure = Picture(figsize=(4.6, 4.4), layout="constrained")
     axis = figure.subplots()
@@ -137,3 +147,4 @@ def draw_reliability(judgements: Sequence[Judgement], path: Path) -> None:
     axis.set_ylim(-0.06, 1.06)
     with written_whole(path) as part:
         figure.savefig(part, format=path.suffix.lstrip("."), dpi=130)
+    return f"../pictures/{path.name}"

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from bench.concealed.answer import Answer, Named, answer_from_json
-from bench.concealed.calibration import calibration_section, claims_of
+from bench.concealed.calibration import calibration_section, claims_of, draw_reliability
 from bench.concealed.campaign import Hidden, Key, TrialTruth, read_key, write_key
 from bench.concealed.report import Asked, Scored, proof_text, with_kept_sections
 from bench.concealed.score import judge
@@ -203,6 +203,17 @@ def test_probabilities_are_compared_with_the_name_and_with_its_group():
     text = "\n".join(calibration_section(judgements))
     assert "2 names in 2 campaigns" in text
     assert f"Brier score {brier_score([0.9, 0.9], [True, False]):.3f}" in text
+
+
+def test_the_reliability_diagram_is_drawn_where_the_page_links_to_it(tmp_path):
+    """It was looked for in a folder that does not exist, and never drawn."""
+    page = tmp_path / "evidence" / "concealed.md"
+    judged = [judge(key(hidden("drag")), answered("drag"))]
+    assert draw_reliability(judged, page) == ""
+    (tmp_path / "pictures").mkdir()
+    link = draw_reliability(judged, page)
+    assert (page.parent / link).resolve().stat().st_size > 1000
+    assert f"]({link})" in "".join(calibration_section(judged, link))
 
 
 def test_a_section_that_was_not_requested_is_kept():
