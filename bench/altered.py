@@ -1,15 +1,9 @@
-"""Measure altered copies of clips and compare with originals and truth.
-
-Run: python -m bench.altered [FOLDER...] [--only CLIP...] [--ways WAY...]
+"""Altered copies of clips, with options and truth altered accordingly.
 
 Clips are mirrored, rotated, padded, cropped, resized, brightened, re-encoded, re-muxed, extended
-by still frames, thinned and re-timed. Each quantity is compared with that of the original clip in
-combined standard uncertainties, and with the truth; missing quantities are listed with reasons.
+by still frames, thinned and re-timed.
 """
 
-import argparse
-import math
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -20,15 +14,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.measure_truth import Case, cases
-from metrology import ImpactVisionError
-from pipelines.measure.chain import measure_clip
-from pipelines.measure.measurement import ClipMeasurement
+from bench.cases import Case
 
 Pictures = list[NDArray[np.uint8]]
 CLOCK = ("contact_start", "contact_end")
 RATE_BOUND = ("contact_frames",)
-NEAR, FAR = 2.0, 4.0
 
 
 @dataclass(frozen=True)
@@ -202,87 +192,3 @@ def altered(case: Case, way: Way, folder: Path) -> Case:
     path = written(pictures, stamps, folder / name, way)
     return replace(case, name=f"{case.name} ({way.name})", path=path, options=options, fps=fps,
                    truth=truth)  # fmt: skip
-
-
-@dataclass
-class Tally:
-    """Number of quantities close to and far from the original clip's and from the truth."""
-
-    near: int = 0
-    count: int = 0
-    true_near: int = 0
-    true_count: int = 0
-    far: list[str] = field(default_factory=list)
-    lost: list[str] = field(default_factory=list)
-    failed: list[str] = field(default_factory=list)
-
-    def add(self, case: Case, way: Way, usual: ClipMeasurement, found: ClipMeasurement) -> None:
-        later = way.before / (case.fps * way.every)
-        for before in usual.quantities:
-            if before.value is None or before.name not in case.truth:
-                continue
-            after = found.quantity(before.name)
-            if after.value is None:
-                self.lost.append(f"{case.name}: {before.name}: {after.reason}")
-                continue
-            shift = later if before.name in CLOCK else 0.0
-            spread = math.hypot(before.std or 0.0, after.std or 0.0)
-            z = (after.value - before.value - shift) / max(spread, 1e-12)
-            true = (after.value - case.truth[before.name]) / max(after.std or 0.0, 1e-12)
-            self.count += 1
-            self.near += abs(z) <= NEAR
-            self.true_count += 1
-            self.true_near += abs(true) <= NEAR
-            if max(abs(z), abs(true)) > FAR:
-                self.far.append(
-                    f"{case.name}: {before.name} ({z:+.1f}; from the truth {true:+.1f})"
-                )
-
-
-def main() -> None:
-    """Print a row for each alteration."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("folders", type=Path, nargs="*")
-    parser.add_argument("--only", nargs="*", help="names of clips, or fragments of names")
-    parser.add_argument("--ways", nargs="*", help="alterations, or fragments of their names")
-    chosen = parser.parse_args()
-
-    def wanted(name: str, fragments: list[str] | None) -> bool:
-        return not fragments or any(one in name for one in fragments)
-
-    every = cases(*chosen.folders)
-    named = [case for case in every if case.name in (chosen.only or ())]
-    clips = named or [case for case in every if wanted(case.name, chosen.only)]
-    usual = {case.name: measure_clip(case.path, case.options) for case in clips}
-    print("| alteration | original, within 2 | truth, within 2 | beyond 4 | missing |")
-    print("|---|---|---|---|---|")
-    notes, total = [], Tally()
-    for way in (way for way in WAYS if wanted(way.name, chosen.ways)):
-        tally = Tally()
-        for case in clips:
-            with tempfile.TemporaryDirectory() as scratch:
-                other = altered(case, way, Path(scratch))
-                try:
-                    found = measure_clip(other.path, other.options)
-                except ImpactVisionError as problem:
-                    tally.failed.append(f"{other.name}: {problem.message}")
-                    continue
-                tally.add(other, way, usual[case.name], found)
-        total.near, total.count = total.near + tally.near, total.count + tally.count
-        total.far += tally.far
-        notes += [f"{way.name}: {note}" for note in (*tally.far, *tally.lost, *tally.failed)]
-        print(
-            f"| {way.name} | {tally.near} of {tally.count} | {tally.true_near} of"
-            f" {tally.true_count} | {len(tally.far)} | {len(tally.lost) + len(tally.failed)} |",
-            flush=True,
-        )
-    near = 100 * total.near / max(total.count, 1)
-    print(
-        f"\nWithin 2 of the original clip: {near:.1f} % of {total.count};"
-        f" beyond 4: {len(total.far)}."
-    )
-    print("\n".join(["", *(f"- {note}" for note in notes)]))
-
-
-if __name__ == "__main__":
-    main()

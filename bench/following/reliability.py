@@ -20,14 +20,16 @@ from numpy.typing import NDArray
 
 from bench.concealed.statistics import wilson
 from bench.following.ablation import tables_of
-from bench.motion_kinds import FIRST_KEPT_OUT, judged
 from metrology.files import write_text_whole
 from training.fit_finding import kept_out
 from training.motion_tracks import clip_tracks, draw, lab_track
+from vision.motions.kinds import interpret
 
 DOCS = Path(__file__).parents[2] / "docs"
 EDGES = (0.0, 0.5, 0.75, 0.9, 0.97, 1.0)
 SURE = 0.9
+FIRST_KEPT_OUT = 100_000
+"""Seed of the first drawn track that no fit has seen."""
 
 Pairs = NDArray[np.float64]
 """Stated probability, and 1 where it is right (N, 2)."""
@@ -48,12 +50,13 @@ def of_kinds(drawn: int, labs: int) -> dict[str, Pairs]:
         "kind, simulated laboratories": (lab_track(1000 + seed) for seed in range(labs)),
         "kind, drawn tracks": (draw(FIRST_KEPT_OUT + seed) for seed in range(drawn)),
     }
-    return {
-        name: np.array(
-            [(found.probability, one.right(found.kind.value)) for one, found in judged(own)],
-            dtype=np.float64,
-        )
+    judged = {
+        name: [(one, interpret(one.ball, one.striker)) for one in own]
         for name, own in tracks.items()
+    }
+    return {
+        name: np.array([(got.probability, one.right(got.kind.value)) for one, got in pairs], float)
+        for name, pairs in judged.items()
     }
 
 

@@ -10,11 +10,10 @@ from typing import Any
 import pandas as pd
 
 from bench.altered import WAYS, altered
+from bench.cases import SHIPPED, Case, ray_traced, shipped
 from bench.concealed.foreign import convert, foreign_key
-from bench.measure_truth import SHIPPED, Case, ray_traced, shipped
 from bench.real import juggling_mocap, rocket_coast, rod_pendulum
-from bench.rooms.__main__ import RoomsAskedFor
-from bench.rooms.intervals import room_case
+from bench.rooms import room_case
 
 __all__ = ["CLIP_PARTS", "PARTS", "ClipInput", "Item", "TableInput", "input_of", "items_of"]
 
@@ -173,8 +172,7 @@ def _case(item: Item, scratch: Path) -> Case:
         case = replace(shipped(SHIPPED / f"{ALTERED}.truth.json"), name=ALTERED)
         return altered(case, WAYS[int(item.name)], scratch)
     if item.part == "rooms":
-        seeds = range(int(item.name), int(item.name) + 1)
-        return room_case(RoomsAskedFor(seeds, scratch, False).filmed(seeds[0]))
+        return room_case(int(item.name), scratch)
     assert item.source is not None
     return ray_traced(item.source)
 

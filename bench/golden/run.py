@@ -18,7 +18,7 @@ import numpy as np
 
 import impact_vision as iv
 from bench.golden.items import ClipInput, Item, TableInput, input_of
-from bench.scenes.truths import marked_truths
+from bench.marked import marked_objects
 from metrology import write_text_whole
 from pipelines.measure import chain
 from vision.tracks import Track
@@ -127,7 +127,7 @@ def _measured(given: ClipInput, folder: Path, tracks_from: Path | None) -> dict[
 def _track_gap(ball: Track, marked: Path) -> dict[str, float | None]:
     """Smallest over the marked objects of the median distance, px; std is that of the marks."""
     best: tuple[float, float] | None = None
-    for truth in marked_truths(marked):
+    for truth in marked_objects(marked):
         _, ours, theirs = np.intersect1d(ball.frame, truth.frame, return_indices=True)
         if len(ours):
             gap = np.hypot(*(ball.centre_px[ours] - truth.centre[theirs]).T)

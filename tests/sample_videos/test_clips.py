@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from bench.scenes.shipped import CLIPS, FOLDER
+from bench.shipped import CLIPS, FOLDER
 from metrology import UsageError
 from pipelines.setup.file import load_setup
 from sample_videos import (

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bench.altered import WAYS, altered
-from bench.measure_truth import cases
+from bench.cases import SHIPPED, shipped
 from metrology import NotFoundError
 from tests.shared_data import shared_folder
 from tests.vision.ball.painted import (
@@ -361,7 +361,7 @@ def test_the_pivot_of_a_bob_that_is_followed_with_its_shadow_is_as_unsure_as_its
 def test_a_small_ball_in_a_padded_picture_is_followed_and_not_its_clearer_shadow(
     tmp_path: Path,
 ) -> None:
-    small = next(case for case in cases() if case.path.name == "jokku_90_small.mp4")
+    small = shipped(SHIPPED / "jokku_90_small.truth.json")
     padded = next(way for way in WAYS if way.name == "padded")
     whole = follow(ClipReader.open(small.path), 600.0).ball
     ball = follow(ClipReader.open(altered(small, padded, tmp_path).path), 600.0).ball

@@ -1,4 +1,4 @@
-"""Render the sample clips of the package: python -m bench.scenes.shipped [FOLDER]."""
+"""Render the sample clips of the package: python -m bench.shipped [FOLDER]."""
 
 import sys
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from sample_videos.truth import write_truth
 
 __all__ = ["CLIPS", "FOLDER", "Sample", "make_clip"]
 
-FOLDER = Path(__file__).parents[2] / "sample_videos" / "clips"
+FOLDER = Path(__file__).parents[1] / "sample_videos" / "clips"
 
 RATE_FACTORS = (12.0, 14.0, 15.0, 16.0, 17.0, 18.0, 20.0, 22.0, 24.0, 26.0, 28.0)
 """Quality factors (CRF of x264, 0 best to 51), tried in order until the file is small enough."""

@@ -1,12 +1,17 @@
-"""Draw a random room: wall, furniture, lights, ball, pendulum and camera."""
+"""Draw random rooms: wall, furniture, lights, ball, pendulum and camera; and film them."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
+from bench.cases import Case, rendered
 from calib.camera import Camera
 from physics.bodies import BALLS
+from pipelines.measure.chain import MeasureOptions
+from pipelines.setup.tables import CameraSetup, Setup, WallSetup
+from sample_videos.render import render_clip
 from sample_videos.scene import (
     BallLook,
     Lamp,
@@ -18,8 +23,9 @@ from sample_videos.scene import (
     Wall,
 )
 from sample_videos.shot import Shot, default_scene, staged
+from sample_videos.truth import truth_path
 
-__all__ = ["DrawnRoom", "draw_room"]
+__all__ = ["draw_room", "room_case"]
 
 Colour = tuple[float, float, float]
 Vector = tuple[float, float, float]
@@ -28,33 +34,29 @@ BEFORE_S, AFTER_S = 0.085, 0.11
 """s; interval filmed, relative to first contact."""
 SIZES = ((432, 240), (320, 180), (640, 360), (208, 116))
 """Image sizes, px."""
+FAINT = 0.03
+"""Contrast of grid lines below which a user would not give their spacing; chosen."""
 MAKES = ("block", "wide block", "bob on a rod", "bob on a cord", "pale block", "long block")
 
 
-@dataclass(frozen=True)
-class DrawnRoom:
-    """A room to be rendered.
-
-    Attributes
-    ----------
-    scene : Scene
-    shot : Shot
-    words : str
-        Short description.
-    """
-
-    scene: Scene
-    shot: Shot
-    words: str
+def room_case(seed: int, folder: Path) -> Case:
+    """Film a room, with the options a user could give: no distances, pendulum or lens."""
+    scene, shot = draw_room(seed)
+    path = folder / f"room_{seed:03d}.mp4"
+    render_clip(scene, shot, path)
+    wall = scene.room.wall
+    pitch = wall.pitch if wall.contrast > FAINT else None
+    setup = Setup(camera=CameraSetup(scene.shutter.fps), wall=WallSetup(pitch))
+    return rendered(
+        truth_path(path), f"{seed:03d}", MeasureOptions(setup=setup, ball=scene.ball.name)
+    )
 
 
-def draw_room(seed: int) -> DrawnRoom:
+def draw_room(seed: int) -> tuple[Scene, Shot]:
     """Draw a room; a seed always gives the same room."""
     rng = np.random.default_rng([seed, 97])
     ball = BALLS[str(rng.choice(sorted(BALLS)))]
-    size = [(432, 240), (320, 180), (640, 360), (208, 116)][
-        int(rng.choice(4, p=[0.5, 0.2, 0.1, 0.2]))
-    ]
+    size = SIZES[int(rng.choice(4, p=[0.5, 0.2, 0.1, 0.2]))]
     scene = default_scene(ball=ball, size=size, seed=seed)
     yaw = float(np.radians(rng.uniform(-6.0, 25.0))) if rng.uniform() < 0.4 else 0.0
     make = str(rng.choice(MAKES))
@@ -76,12 +78,7 @@ def draw_room(seed: int) -> DrawnRoom:
         shutter=replace(scene.shutter, first=first),
         frames=math.ceil((AFTER_S - first) * scene.shutter.fps),
     )
-    width, height = size
-    words = f"{make}, {ball.name}, {backswing:.0f}°, {width}×{height}"
-    words += f", camera {np.degrees(yaw):.0f}° aside" if yaw else ""
-    if scene.mirrored:
-        words += ", from the right"
-    return DrawnRoom(scene, shot, words)
+    return scene, shot
 
 
 def _aside(camera: Camera, yaw: float) -> Camera:

@@ -1,1 +1,0 @@
-"""Random scenes with a pendulum and a ball: rendered, followed and measured."""

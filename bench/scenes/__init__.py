@@ -1,1 +1,0 @@
-"""Clips with known truth: followed objects, and the shipped samples."""
