@@ -2,8 +2,8 @@
 
 Run: python -m bench.docs_pictures [FOLDER]
 
-Writes demo_plots, gap, speeds, path, residuals, overlay and overlay_contact; prints every measured
-quantity with its true value.
+Writes demo_plots, gap, speeds, path, residuals and overlay; prints every measured quantity with its
+true value.
 """
 
 import argparse
@@ -58,13 +58,11 @@ def main() -> None:
             if axes.get_legend_handles_labels()[0]:
                 axes.legend()
             saved(figure, folder / f"{name}.png")
-    clip, marks = ClipReader.open(CLIP), overlay_marks(measured)
-    middle = FLYING if marks.contact is None else sum(marks.contact) // 2
-    for name, frame in (("overlay", FLYING), ("overlay_contact", middle)):
-        still = overlay_still(clip, measured.tracks, marks, frame=frame)
-        picture = Image.fromarray(np.ascontiguousarray(still[:, :, ::-1]))
-        few = picture.quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.FLOYDSTEINBERG)
-        few.save(folder / f"{name}.png", optimize=True)
+    marks = overlay_marks(measured)
+    still = overlay_still(ClipReader.open(CLIP), measured.tracks, marks, frame=FLYING)
+    picture = Image.fromarray(np.ascontiguousarray(still[:, :, ::-1]))
+    few = picture.quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.FLOYDSTEINBERG)
+    few.save(folder / "overlay.png", optimize=True)
     truth = json.loads(CLIP.with_name(f"{CLIP.stem}.truth.json").read_text())["quantities"]
     for item in (*measured.quantities, *measured.other_speeds, measured.gravity):
         true = truth.get(item.name, {}).get("value")

@@ -8,7 +8,7 @@ from typing import Any
 from bench.concealed.campaign import Hidden, Key, TrialTruth
 from bench.concealed.setup_toml import BallFacts, LabFacts, Outcome, write_setup
 
-__all__ = ["CONTRACT_ID", "convert", "convert_all", "foreign_key", "lab_facts"]
+__all__ = ["CONTRACT_ID", "convert", "foreign_key", "lab_facts"]
 
 # Symbols of the foreign simulator.
 OUTCOME_SYMBOLS = {
@@ -74,14 +74,6 @@ def convert(source: Path, target: Path) -> None:
         return
     public = json.loads((source / "public.json").read_text(encoding="utf-8"))
     write_setup(target / "setup.toml", lab_facts(public))
-
-
-def convert_all(source: Path, target: Path) -> list[Path]:
-    """Convert every campaign folder in `source`; returns the folders written, in order."""
-    folders = sorted(path.parent for path in source.glob("*/answer.json"))
-    for folder in folders:
-        convert(folder, target / folder.name)
-    return [target / folder.name for folder in folders]
 
 
 CONTRACT_ID = {

@@ -8,10 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.concealed.calibration import calibration_section
 from bench.concealed.score import MIMICKED, Judgement
-from bench.concealed.second.careful import INSTRUMENTS
-from bench.concealed.second.laws import NAMED, UNNAMED
 from bench.concealed.statistics import Proportion, brier_score, calibration_error
 from bench.concealed.world.conventions import true_parameter
 
@@ -51,18 +48,17 @@ class Scored:
     @property
     def name(self) -> str:
         """Name of the campaign in lists of misses."""
-        key = self.judgement.key
-        where = f"{self.folder.parent.name} " if key.seed == 0 else ""
-        return f"{where}{key.number}"
+        return str(self.judgement.key.number)
 
 
 @dataclass(frozen=True)
 class Asked:
-    """Requested number of campaigns, seed and engine version."""
+    """Requested number of campaigns, seed, engine version and world."""
 
     campaigns: int
     seed: int
     engine: str = ""
+    world: str = "own"
 
 
 Test = Callable[[Judgement], bool]
@@ -104,7 +100,7 @@ def _coverage(scored: Sequence[Scored]) -> tuple[Proportion, list[str]]:
     inside, outside = 0, []
     for s in scored:
         key, answer = s.judgement.key, s.judgement.answer
-        if not s.judgement.right or key.kind not in ("single", "pair") or key.seed == 0:
+        if not s.judgement.right or key.kind not in ("single", "pair"):
             continue
         setup = tomllib.loads((s.folder / "setup.toml").read_text(encoding="utf-8"))
         for hidden in key.effects:
@@ -124,111 +120,90 @@ def _coverage(scored: Sequence[Scored]) -> tuple[Proportion, list[str]]:
     return Proportion(inside, inside + len(outside)), outside
 
 
-def _stated(scored: Sequence[Scored]) -> tuple[list[float], list[bool]]:
-    """Stated probabilities of named effects, and whether each was concealed."""
+def _stated(scored: Sequence[Scored], *, by_group: bool = False) -> tuple[list[float], list[bool]]:
+    """Stated probabilities, and whether the name, or one of its group, was concealed."""
     stated, right = [], []
     for s in scored:
         truth = {hidden.id for hidden in s.judgement.key.effects}
         for named in s.judgement.answer.named:
             if named.probability is not None:
+                groups = s.judgement.answer.groups if by_group else ()
+                grouped = any(named.id in group and group & truth for group in groups)
                 stated.append(float(named.probability))
-                right.append(named.id in truth)
+                right.append(named.id in truth or grouped)
     return stated, right
 
 
-def _declared(scored: Sequence[Scored]) -> list[tuple[float, bool]]:
-    """Stated probabilities, and whether the name or one of its declared group was concealed."""
-    found = []
-    for s in scored:
-        truth = {hidden.id for hidden in s.judgement.key.effects}
-        answer = s.judgement.answer
-        for named in answer.named:
-            if named.probability is not None:
-                grouped = any(named.id in group and group & truth for group in answer.groups)
-                found.append((float(named.probability), named.id in truth or grouped))
-    return found
+def _falls_short(judgement: Judgement) -> bool:
+    """Whether anything is named that was not concealed, and nothing that was."""
+    return bool(judgement.answer.ids) and not judgement.covered
 
 
-def _sure_rows(scored: Sequence[Scored]) -> list[tuple[str, str, str, str]]:
-    declared = _declared(scored)
-    sure = [right for stated, right in declared if stated >= SURE]
-    score = brier_score([p for p, _ in declared], [right for _, right in declared])
+Row = tuple[str, str, str, str]
+Question = tuple[str, str, str, Callable[[Sequence[Scored]], Sequence[Scored]], Test]
+
+QUESTIONS: tuple[Question, ...] = (
+    ("nulls with named physics", "≤ 2 %", "≤ 0.5 %",
+     lambda all_: _of(all_, "null"), lambda j: j.physics_named),
+    ("nulls with a name", "", "", lambda all_: _of(all_, "null"), lambda j: j.named),
+    ("nulls and careful laboratories: a name of 0.5 or more that is no error of theirs",
+     "2 %", "0.5 %", lambda all_: [*_of(all_, "null"), *_of(all_, "careful")],
+     lambda j: _falsely_named(j)),
+    ("single weak effect: right id or its declared group", "", "",
+     lambda all_: _of(all_, "single", "weak"), lambda j: j.right),
+    ("single weak effect: a wrong id and no right one", "", "",
+     lambda all_: _of(all_, "single", "weak"), _falls_short),
+    ("single medium effect: right id or its declared group", "90 %", "97 %",
+     lambda all_: _of(all_, "single", "medium"), lambda j: j.right),
+    ("single strong effect", "97 %", "99.5 %",
+     lambda all_: _of(all_, "single", "strong"), lambda j: j.right),
+    ("single strong effect, whatever else is named", "", "",
+     lambda all_: _of(all_, "single", "strong"), lambda j: j.covered),
+    ("pairs, both strong", "85 %", "95 %", lambda all_: _of(all_, "pair"), lambda j: j.right),
+    ("force in no catalogue: unnamed, right direction and place", "80 %", "95 %",
+     lambda all_: _distinct(all_), _said_rightly),
+    ("– reported as unnamed", "", "", lambda all_: _distinct(all_), lambda j: j.unnamed_said),
+    ("– right place (phase, time)", "", "", lambda all_: _distinct(all_), lambda j: j.place_right),
+    ("– right direction", "", "", lambda all_: _distinct(all_), lambda j: j.direction_right),
+    ("force that two catalogue effects can mimic: unnamed or grouped with it", "", "",
+     lambda all_: _mimicked(all_), lambda j: j.unnamed_said),
+    ("exact twins reported as a group, with a separating measurement", "100 %", "–",
+     lambda all_: _of(all_, "twins"), lambda j: j.grouped),
+    ("start of a local effect within 5 % of the flight", "85 %", "95 %",
+     lambda all_: [s for s in all_ if s.judgement.start_error is not None and _strong(s)],
+     lambda j: j.start_error is not None and j.start_error <= 0.05),
+    ("answers with contradictions", "0", "0", lambda all_: all_,
+     lambda j: bool(j.answer.contradictions)),
+)  # fmt: skip
+"""What is asked, what is required and the goal, of which campaigns, and what counts."""
+
+
+def _main_rows(scored: Sequence[Scored], coverage: Proportion) -> list[Row]:
+    rows = [
+        (asked, required, goal, str(_share(chosen(scored), test)))
+        for asked, required, goal, chosen, test in QUESTIONS
+    ]
+    error, _ = calibration_error(*_stated(scored))
+    declared = _stated(scored, by_group=True)
+    sure = [right for stated, right in zip(*declared, strict=True) if stated >= SURE]
     return [
+        *rows,
+        ("95 % intervals of fitted parameters that contain the truth", "88–99 %", "93–97 %",
+         str(coverage)),
         (f"a name with stated probability ≥ {SURE} that is wrong", "≤ 3 %", "≤ 1 %",
          str(Proportion(sum(not right for right in sure), len(sure)))),
         ("Brier score of stated probabilities, a declared group being right", "", "",
-         f"{score:.3f} ({len(declared)} names)"),
-        ("answers with contradictions", "0", "0",
-         str(_share(scored, lambda j: bool(j.answer.contradictions)))),
+         f"{brier_score(*declared):.3f} ({len(declared[0])} names)"),
+        ("calibration error of stated probabilities", "0.08", "0.03", f"{error:.3f}"),
+        ("processor time for a campaign, one process", "30 s", "8 s", _timing(scored)),
     ]  # fmt: skip
 
 
-def _class_rows(scored: Sequence[Scored]) -> list[tuple[str, str, str, str]]:
-    """Requirements on worlds whose laws are not in the catalogue."""
-    return [
-        ("nulls with a name", "≤ 2 %", "≤ 0.5 %",
-         str(_share(_of(scored, "null"), lambda j: j.named))),
-        ("nulls and careful laboratories: a name of 0.5 or more that is no error of theirs", "2 %",
-         "0.5 %", str(_share([*_of(scored, "null"), *_of(scored, "careful")], _falsely_named))),
-        ("single strong: right id or declared group, nothing else", "93 %", "98 %",
-         str(_share(_of(scored, "single", "strong"), _right))),
-        ("single medium", "88 %", "95 %", str(_share(_of(scored, "single", "medium"), _right))),
-        ("pairs, both strong", "80 %", "92 %",
-         str(_share(_of(scored, "pair", "strong"), _right))),
-        ("pairs, weaker", "", "", str(_share(_of(scored, "pair", "medium"), _right))),
-        ("force in no catalogue: `unnamed`, right phase and direction", "88 %", "95 %",
-         str(_share(_of(scored, "outside"), _said_rightly))),
-        *_sure_rows(scored),
-    ]  # fmt: skip
-
-
-def _main_rows(scored: Sequence[Scored]) -> list[tuple[str, str, str, str]]:
-    nulls = _of(scored, "null")
-    starts = [s for s in scored if s.judgement.start_error is not None and _strong(s)]
-    coverage, _ = _coverage(scored)
-    error, _ = calibration_error(*_stated(scored))
+def _timing(scored: Sequence[Scored]) -> str:
     seconds = [s.judgement.answer.seconds for s in scored]
     long = [s.judgement.answer.seconds for s in scored if len(s.judgement.key.trials) >= 24]
-    timing = f"median {np.median(seconds):.1f} s, slowest {max(seconds):.1f} s" if seconds else "–"
-    if long:
-        timing += f"; 24 trials: median {np.median(long):.1f} s"
-    strong = _of(scored, "single", "strong")
-    return [
-        ("nulls with named physics", "≤ 2 %", "≤ 0.5 %",
-         str(_share(nulls, lambda j: j.physics_named))),
-        ("nulls with a name", "", "",
-         str(_share(nulls, lambda j: j.named))),
-        ("single weak effect: right id or its declared group", "", "",
-         str(_share(_of(scored, "single", "weak"), lambda j: j.right))),
-        ("single weak effect: a wrong id and no right one", "", "",
-         str(_share(_of(scored, "single", "weak"), _misled))),
-        ("single medium effect: right id or its declared group", "90 %", "97 %",
-         str(_share(_of(scored, "single", "medium"), lambda j: j.right))),
-        ("single strong effect", "97 %", "99.5 %", str(_share(strong, lambda j: j.right))),
-        ("single strong effect, whatever else is named", "", "",
-         str(_share(strong, lambda j: j.covered))),
-        ("pairs, both strong", "85 %", "95 %",
-         str(_share(_of(scored, "pair"), lambda j: j.right))),
-        ("force in no catalogue: unnamed, right direction and place", "80 %", "95 %",
-         str(_share(_distinct(scored), _said_rightly))),
-        ("– reported as unnamed", "", "",
-         str(_share(_distinct(scored), lambda j: j.unnamed_said))),
-        ("– right place (phase, time)", "", "",
-         str(_share(_distinct(scored), lambda j: j.place_right))),
-        ("– right direction", "", "",
-         str(_share(_distinct(scored), lambda j: j.direction_right))),
-        ("force that two catalogue effects can mimic: unnamed or grouped with it", "", "",
-         str(_share(_mimicked(scored), lambda j: j.unnamed_said))),
-        ("exact twins reported as a group, with a separating measurement", "100 %", "–",
-         str(_share(_of(scored, "twins"), lambda j: j.grouped))),
-        ("start of a local effect within 5 % of the flight", "85 %", "95 %",
-         str(_share(starts, lambda j: j.start_error is not None and j.start_error <= 0.05))),
-        ("95 % intervals of fitted parameters that contain the truth", "88–99 %", "93–97 %",
-         str(coverage)),
-        *_sure_rows(scored),
-        ("calibration error of stated probabilities", "0.08", "0.03", f"{error:.3f}"),
-        ("processor time for a campaign, one process", "30 s", "8 s", timing),
-    ]  # fmt: skip
+    said = f"median {np.median(seconds):.1f} s, slowest {max(seconds):.1f} s" if seconds else "–"
+    return said + (f"; 24 trials: median {np.median(long):.1f} s" if long else "")
 
 
 def _falsely_named(judgement: Judgement) -> bool:
@@ -238,10 +213,6 @@ def _falsely_named(judgement: Judgement) -> bool:
         (named.probability or 0.0) >= 0.5 and named.id not in truth
         for named in judgement.answer.named
     )
-
-
-def _misled(judgement: Judgement) -> bool:
-    return bool(judgement.answer.ids) and not judgement.covered
 
 
 def _strong(scored: Scored) -> bool:
@@ -308,38 +279,6 @@ def _misses(scored: Sequence[Scored]) -> list[str]:
     return _table(("campaign", "kind", "level", "Δχ²", "concealed", "said"), rows)
 
 
-def _foreign_rows(foreign: Sequence[Scored]) -> list[str]:
-    head = ("", "required", "goal", "measured")
-    lines = _table(head, _class_rows(foreign))
-    rows = []
-    for s in foreign:
-        key = s.judgement.key
-        truth = " + ".join(f"{h.name} → {h.id}" for h in key.effects) or "nothing"
-        rows.append(
-            (s.name, key.level, f"{key.delta_chi2:.0f}", truth, _answer_words(s.judgement),
-             "yes" if _good(s.judgement) else "no", f"{s.judgement.answer.seconds:.1f} s")
-        )  # fmt: skip
-    head = ("campaign", "level", "Δχ²", "concealed", "said", "right", "time")
-    return [*lines, *_table(head, rows)]
-
-
-def _second_section(scored: Sequence[Scored]) -> list[str]:
-    if not scored:
-        return ["Not requested.", ""]
-    careful = scored[0].judgement.key.kind == "careful"
-    laws = INSTRUMENTS if careful else (*NAMED, *UNNAMED)
-    forms = [(law.name, law.id, law.form) for law in laws]
-    _, bins = calibration_error(*map(list, zip(*_declared(scored), strict=True)))
-    return [
-        f"{len(scored)} campaigns. No law has the form that the catalogue contains.",
-        "",
-        *_table(("", "required", "goal", "measured"), _class_rows(scored)),
-        *_reliability(bins),
-        *_table(("law", "id", "form in this world"), forms),
-        *_misses(scored),
-    ]
-
-
 def _reliability(bins: Sequence[tuple[float, float, int]]) -> list[str]:
     return _table(
         ("stated (mean)", "right", "names"),
@@ -347,64 +286,11 @@ def _reliability(bins: Sequence[tuple[float, float, int]]) -> list[str]:
     )
 
 
-def _right(judgement: Judgement) -> bool:
-    return judgement.right
-
-
-UNASKED = frozenset(
-    {
-        "Not requested.",
-        "Not rendered for this page.",
-        "Not available, or not requested.",
-        "Not available.",
-    }
-)
-"""Text of a section that was not requested."""
-
-KEPT = "From an earlier run."
-
-
-def with_kept_sections(page: str, before: str) -> str:
-    """The page with sections that were not requested taken from the earlier page."""
-    old = _sections(before)
-    parts = []
-    for heading, body in _sections(page).items():
-        earlier = old.get(heading, "").strip()
-        if body.strip() in UNASKED and earlier and earlier not in UNASKED:
-            earlier = earlier.removeprefix(KEPT).strip()
-            body = f"\n{KEPT}\n\n{earlier}\n\n"
-        parts.append(f"{heading}\n{body}" if heading else body)
-    return "".join(parts)
-
-
-def _sections(page: str) -> dict[str, str]:
-    """Text of each section by its heading; the text before the first heading under ""."""
-    found: dict[str, str] = {}
-    heading, lines = "", list[str]()
-    for line in page.splitlines(keepends=True):
-        if line.startswith("## "):
-            found[heading] = "".join(lines)
-            heading, lines = line.rstrip(), []
-        else:
-            lines.append(line)
-    return found | {heading: "".join(lines)}
-
-
-def proof_text(
-    own: Sequence[Scored],
-    foreign: Sequence[Scored],
-    asked: Asked,
-    real: Sequence[str],
-    pixels: Sequence[str] = (),
-    second: Sequence[Scored] = (),
-    reliability: str = "",
-) -> str:
-    """The page in Markdown; `real` and `pixels` are the lines of those sections.
-
-    `reliability` is the link to the reliability diagram, if there is one.
-    """
+def proof_text(own: Sequence[Scored], asked: Asked) -> str:
+    """The page in Markdown."""
     counts = Counter(s.judgement.key.kind for s in own)
-    _, outside = _coverage(own)
+    # laws of other forms have no parameter to compare
+    coverage, outside = _coverage(own if asked.world == "own" else ())
     _, bins = calibration_error(*_stated(own))
     sizes = [s.judgement.group_size for s in own if s.judgement.group_size]
     lines = [
@@ -420,26 +306,11 @@ def proof_text(
         "",
         *([PARTIAL, ""] if len(own) < WHOLE_PROOF else []),
         *COUNTED,
-        *_table(("", "required", "goal", "measured"), _main_rows(own)),
+        *_table(("", "required", "goal", "measured"), _main_rows(own, coverage)),
         f"Declared groups contain {np.median(sizes):.0f} ids in the median, at most {max(sizes)}."
         if sizes
         else "No group was declared.",
         "",
-        "## Campaigns of a foreign simulator",
-        "",
-        *(_foreign_rows(foreign) if foreign else ["Not available.", ""]),
-        "## A second world with other force laws",
-        "",
-        *_second_section(second),
-        "## Stated probabilities in worlds with other force laws",
-        "",
-        *calibration_section([s.judgement for s in (*foreign, *second)], reliability),
-        "## From pixels",
-        "",
-        *(pixels or ["Not rendered for this page.", ""]),
-        "## Real recordings",
-        "",
-        *(real or ["Not available, or not requested.", ""]),
         "## By concealed effect",
         "",
         *_confusion(own),
@@ -448,7 +319,7 @@ def proof_text(
         *_reliability(bins),
         "## Misses",
         "",
-        *_misses([*own, *foreign]),
+        *_misses(own),
         "## Intervals that do not contain the truth",
         "",
         *([f"- {line}" for line in outside] or ["None."]),

@@ -5,9 +5,8 @@ from pathlib import Path
 import pytest
 
 from bench.concealed.answer import Answer, Named, answer_from_json
-from bench.concealed.calibration import calibration_section, claims_of, draw_reliability
 from bench.concealed.campaign import Hidden, Key, TrialTruth, read_key, write_key
-from bench.concealed.report import Asked, Scored, proof_text, with_kept_sections
+from bench.concealed.report import Asked, Scored, proof_text
 from bench.concealed.score import judge
 from bench.concealed.statistics import Proportion, brier_score, calibration_error, wilson
 from bench.concealed.world.conventions import true_parameter
@@ -149,7 +148,7 @@ def test_the_page_counts_and_lists_misses_by_name(tmp_path):
         Scored(judge(key(hidden("magnus")), answered("magnus")), tmp_path),
     ]
     (tmp_path / "setup.toml").write_text("[camera]\ncapture_fps = 600\n")
-    page = proof_text(own, [], Asked(400, 1), [])
+    page = proof_text(own, Asked(400, 1))
     assert "3 campaigns were scored" in page
     assert "Incomplete" in page
     assert "| nulls with named physics | ≤ 2 % | ≤ 0.5 % | 50.0 % (1/2;" in page
@@ -184,46 +183,6 @@ def test_a_confident_wrong_name_is_on_the_page():
     wrong = judge(key(hidden("drag")), answered("wind"))
     grouped = judge(key(hidden("drag")), answered("wind", groups=[("wind", "drag")]))
     scored = [Scored(one, Path("one")) for one in (wrong, grouped)]
-    page = proof_text([], [], Asked(1, 1), [], second=scored)
+    page = proof_text(scored, Asked(1, 1, world="second"))
     (row,) = [line for line in page.splitlines() if "that is wrong" in line and "1/2" in line]
     assert row.startswith("| a name with stated probability")
-    assert "C_D falls with Re" in page
-
-
-def test_probabilities_are_compared_with_the_name_and_with_its_group():
-    judgements = [
-        judge(key(hidden("drag")), answered("drag")),
-        judge(key(hidden("drag")), answered("wind", groups=[("wind", "drag")])),
-    ]
-    claims = claims_of(judgements)
-    assert [(c.right, c.by_group, c.grouped) for c in claims] == [
-        (True, True, False),
-        (False, True, True),
-    ]
-    text = "\n".join(calibration_section(judgements))
-    assert "2 names in 2 campaigns" in text
-    assert f"Brier score {brier_score([0.9, 0.9], [True, False]):.3f}" in text
-
-
-def test_the_reliability_diagram_is_drawn_where_the_page_links_to_it(tmp_path):
-    """It was looked for in a folder that does not exist, and never drawn."""
-    page = tmp_path / "evidence" / "concealed.md"
-    judged = [judge(key(hidden("drag")), answered("drag"))]
-    assert draw_reliability(judged, page) == ""
-    (tmp_path / "pictures").mkdir()
-    link = draw_reliability(judged, page)
-    assert (page.parent / link).resolve().stat().st_size > 1000
-    assert f"]({link})" in "".join(calibration_section(judged, link))
-
-
-def test_a_section_that_was_not_requested_is_kept():
-    before = proof_text([], [], Asked(1, 1), ["| a | b |"], pixels=["six of six"])
-    page = proof_text([], [], Asked(1, 1), ["| c | d |"])
-    kept = with_kept_sections(page, before)
-    assert "six of six" in kept
-    assert "| c | d |" in kept
-    assert "| a | b |" not in kept
-    # A second run does not repeat the remark.
-    again = with_kept_sections(page, kept)
-    assert again == kept
-    assert with_kept_sections(page, "") == page

@@ -72,7 +72,7 @@ def test_a_careful_laboratory_may_be_told_of_its_own_ruler_only(tmp_path):
     def page(identity):
         answer = Answer("explained", (Named(identity, 0.9, {}),), ())
         scored = [Scored(judge(key, answer), tmp_path / "0")]
-        return proof_text([], [], Asked(1, 3), [], [], scored)
+        return proof_text(scored, Asked(1, 3, world="careful"))
 
     assert "no error of theirs | 2 % | 0.5 % | 0.0 %" in page("length_scale")
     assert "no error of theirs | 2 % | 0.5 % | 100.0 %" in page("effective_mass")

@@ -2,8 +2,7 @@
 
 Run: python -m bench.concealed.filmed.pixels FOLDER
 
-Clips, tracks and answers are stored in the folder and reused; `python -m bench.concealed --pixels
-FOLDER` writes the section of docs/evidence/concealed.md.
+Clips, tracks and answers are stored in the folder and reused.
 """
 
 import argparse
@@ -16,10 +15,9 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from bench.concealed.answer import answer_from_json
+from bench.concealed.answer import Answer, answer_from_json
 from bench.concealed.engine import engine_version
 from bench.concealed.filmed.scenes import FILMED, Filmed, Take, setup_text, takes
-from bench.concealed.filmed.section import section
 from bench.concealed.run import Stop, run_until
 from metrology import ImpactVisionError, write_text_whole, written_whole
 from pipelines.explain.campaign import explain_campaign
@@ -105,6 +103,17 @@ def _explain(task: tuple[Path, int, str]) -> str:
     return answer.name
 
 
+def right(filmed: Filmed, answer: Answer) -> bool:
+    """Whether the concealed effect is named or in a declared group, and nothing else is named."""
+    if not filmed.id:
+        return not answer.failure and not answer.ids
+    groups = [group for group in answer.groups if filmed.id in group]
+    # A rotation about another point is the same rotation plus a shift.
+    shifted = {"origin_offset"} if filmed.id == "camera_roll" else set()
+    allowed = {filmed.id}.union(shifted, *groups)
+    return (filmed.id in answer.ids or bool(groups)) and answer.ids <= allowed
+
+
 def main() -> None:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
@@ -126,15 +135,16 @@ def main() -> None:
     answers = run_until(
         stop, _explain, [(options.folder, c, version) for c in range(len(FILMED))], options.jobs
     )
-    results = {}
     for filmed, kept in zip(FILMED, answers, strict=True):
         if kept is not None:
             raw = json.loads((options.folder / filmed.name / kept).read_text(encoding="utf-8"))
-            results[filmed.name] = raw
             answer = answer_from_json(raw, raw["seconds"])
-            print(f"{filmed.name}: {answer.verdict} {sorted(answer.ids)} {answer.failure}")
-    write_text_whole(options.folder / "results.json", json.dumps(results, indent=1))
-    print("\n".join(section(options.folder)))
+            groups = [sorted(group) for group in answer.groups]
+            print(
+                f"{'right' if right(filmed, answer) else 'wrong'}: {filmed.name}"
+                f" ({filmed.description}), {raw.get('clips', 0)} clips: {answer.verdict}"
+                f" {sorted(answer.ids)} {groups} {answer.failure}"
+            )
 
 
 if __name__ == "__main__":
