@@ -67,6 +67,8 @@ def values() -> dict[str, Callable[[], str]]:
         known[f"lessons.{lesson}.kind"] = partial(str, record["kind"])
         for name, entry in record["quantities"].items():
             _add(known, f"lessons.{lesson}.{name}", entry)
+    for name, (head, *rows) in read_results("model.json").items():
+        known[f"model.{name}"] = partial(_table, head, rows)
     known |= _evidence(read_results("evidence.json"))
     known["kills"] = lambda: _kills_text(read_results("kills.json"))
     known["hostile"] = lambda: _hostile_text(read_results("hostile.json"))
@@ -428,8 +430,8 @@ def _lessons_table() -> str:
     return _table(("lesson", "quantity", "measured", "true"), rows)
 
 
-def _table(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
-    lines = [header, tuple("---" for _ in header), *rows]
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [header, ["---" for _ in header], *rows]
     return "\n\n" + "\n".join(f"| {' | '.join(row)} |" for row in lines) + "\n\n"
 
 
