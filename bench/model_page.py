@@ -90,10 +90,21 @@ def _swing() -> Rows:
 
 
 def _candidates() -> Rows:
-    rows: Rows = [("distances", "candidate", "parameters", "rms (mm)", "largest (mm)", "verdict")]
+    rows: Rows = [
+        (
+            "distances",
+            "candidate",
+            "parameters",
+            "rms (mm)",
+            "largest (mm)",
+            "allowed (mm)",
+            "verdict",
+        )
+    ]
     for data in paper.MAX_MISFIT_M:
         for one in paper.fit_candidates(data):
-            sizes = f"{one.rms_m * 1e3:.1f}", f"{one.largest_m * 1e3:.1f}"
+            sizes = [f"{1e3 * size:.1f}" for size in (one.rms_m, one.largest_m)]
+            sizes.append(f"{1e3 * paper.MAX_MISFIT_M[data]:.0f}")
             rows.append((data, one.candidate, str(len(one.parameters)), *sizes, one.verdict))
     return rows
 

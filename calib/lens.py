@@ -719,28 +719,7 @@ def calibrate_lens(views: Sequence[BoardView | None]) -> LensCalibration:
         If there are too few views, or all are alike.
     """
     seen = [view for view in views if view is not None]
-    if not seen:
-        raise CalibrationError(
-            f"no board found in {len(views)} pictures",
-            hint="Check the board's size: it counts inner corners, one less than squares. For one"
-            " with markers pass --charuco, and --dictionary and --marker if they are not found.",
-        )
-    if len(seen) < MIN_VIEWS:
-        raise CalibrationError(
-            f"the board was found in only {len(seen)} of {len(views)} pictures",
-            hint=f"At least {MIN_VIEWS} are needed, better 15, tilted in different directions; "
-            "the board's size counts inner corners.",
-        )
-    if len({view.size for view in seen}) > 1:
-        # Cameras that crop differ by a pixel or two between modes; the most frequent size is used.
-        sizes = [view.size for view in seen]
-        common = max(set(sizes), key=sizes.count)
-        odd = [view for view in seen if max(abs(np.subtract(view.size, common))) > 2]
-        if odd:
-            raise CalibrationError(
-                f"{odd[0].name} is {odd[0].size[0]}×{odd[0].size[1]} px, the others are not",
-                hint="Use pictures of one camera in one mode.",
-            )
+    _refuse_few_or_unlike(seen, len(views))
     fits, kept, dropped = _without_outliers(seen)
     spread = _tilt_spread(fits[-1].poses[:, :3])
     if spread < MIN_TILT_RANGE:
@@ -772,6 +751,31 @@ def calibrate_lens(views: Sequence[BoardView | None]) -> LensCalibration:
         model=fit.model.name,
         warnings=tuple(notes),
     )
+
+
+def _refuse_few_or_unlike(seen: list[BoardView], pictures: int) -> None:
+    if not seen:
+        raise CalibrationError(
+            f"no board found in {pictures} pictures",
+            hint="Check the board's size: it counts inner corners, one less than squares. For one"
+            " with markers pass --charuco, and --dictionary and --marker if they are not found.",
+        )
+    if len(seen) < MIN_VIEWS:
+        raise CalibrationError(
+            f"the board was found in only {len(seen)} of {pictures} pictures",
+            hint=f"At least {MIN_VIEWS} are needed, better 15, tilted in different directions; "
+            "the board's size counts inner corners.",
+        )
+    if len({view.size for view in seen}) > 1:
+        # Cameras that crop differ by a pixel or two between modes; the most frequent size is used.
+        sizes = [view.size for view in seen]
+        common = max(set(sizes), key=sizes.count)
+        odd = [view for view in seen if max(abs(np.subtract(view.size, common))) > 2]
+        if odd:
+            raise CalibrationError(
+                f"{odd[0].name} is {odd[0].size[0]}×{odd[0].size[1]} px, the others are not",
+                hint="Use pictures of one camera in one mode.",
+            )
 
 
 def _without_outliers(

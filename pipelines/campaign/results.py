@@ -332,37 +332,12 @@ def _without_reserved(book: LabBook) -> LabBook:
 
 def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...], int]:
     """Cells below the header, notes, and the number of lines above the header."""
-    if path.exists() and not path.is_file():
-        kind = "a folder" if path.is_dir() else "a device or a pipe"
-        raise UsageError(
-            f"the lab book {path} is {kind}", hint="Give a CSV or XLSX file with a column 'clip'."
-        )
-    if not path.is_file():
-        raise UsageError(
-            f"there is no lab book {path}", hint="Give a CSV or XLSX file with a column 'clip'."
-        )
-    if path.stat().st_size > _MAX_LAB_BOOK_BYTES:
-        raise UsageError(f"{path} is larger than 64 MB", hint="Check that it is the lab book.")
+    _refuse_other_files(path)
     if path.suffix.lower() == ".xlsx":
-        try:
-            sheet = pd.read_excel(path, dtype=object, nrows=MAX_LAB_BOOK_ROWS + 1).fillna("")
-        except Exception as problem:  # openpyxl raises many types on damaged files
-            raise UsageError(
-                f"{path} is not a readable XLSX file: {problem}",
-                hint="Save it again as .xlsx or .csv.",
-            ) from problem
-        _refuse_long(path, len(sheet))
-        cells = sheet.map(lambda cell: cell.isoformat() if hasattr(cell, "isoformat") else cell)
-        return cells, (), 0
+        return _sheet(path), (), 0
     text = _text(path)
     _refuse_long(path, text.count("\n") - 1)
-    for number, line in enumerate(text.splitlines(), start=1):
-        if line.count('"') % 2:
-            raise UsageError(
-                f"{path}, line {number}: the quotation mark is not closed in its line, and would"
-                " join the lines that follow into one cell",
-                hint='Remove the quotation mark ("), or write the cell in one line.',
-            )
+    _refuse_open_quotes(path, text)
     above = _lines_above(text)
     below = text.splitlines(keepends=True)[above:]
     head = below[0] if text.strip() else ""
@@ -389,6 +364,44 @@ def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...], int]:
     if above:
         notes = (*notes, f"The first {above} lines of {path.name}, above its header, are not used.")
     return table, notes, above
+
+
+def _refuse_other_files(path: Path) -> None:
+    if path.exists() and not path.is_file():
+        kind = "a folder" if path.is_dir() else "a device or a pipe"
+        raise UsageError(
+            f"the lab book {path} is {kind}", hint="Give a CSV or XLSX file with a column 'clip'."
+        )
+    if not path.is_file():
+        raise UsageError(
+            f"there is no lab book {path}", hint="Give a CSV or XLSX file with a column 'clip'."
+        )
+    if path.stat().st_size > _MAX_LAB_BOOK_BYTES:
+        raise UsageError(f"{path} is larger than 64 MB", hint="Check that it is the lab book.")
+
+
+def _sheet(path: Path) -> pd.DataFrame:
+    """Cells of a spreadsheet, dates as text."""
+    try:
+        sheet = pd.read_excel(path, dtype=object, nrows=MAX_LAB_BOOK_ROWS + 1).fillna("")
+    except Exception as problem:  # openpyxl raises many types on damaged files
+        raise UsageError(
+            f"{path} is not a readable XLSX file: {problem}",
+            hint="Save it again as .xlsx or .csv.",
+        ) from problem
+    _refuse_long(path, len(sheet))
+    cells = sheet.map(lambda cell: cell.isoformat() if hasattr(cell, "isoformat") else cell)
+    return cells
+
+
+def _refuse_open_quotes(path: Path, text: str) -> None:
+    for number, line in enumerate(text.splitlines(), start=1):
+        if line.count('"') % 2:
+            raise UsageError(
+                f"{path}, line {number}: the quotation mark is not closed in its line, and would"
+                " join the lines that follow into one cell",
+                hint='Remove the quotation mark ("), or write the cell in one line.',
+            )
 
 
 MAX_LAB_BOOK_ROWS = 100_000

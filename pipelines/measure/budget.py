@@ -7,7 +7,7 @@ speeds, angle, landing, restitution (Eqs 2, 7-10, 17, 18).
 """
 
 import math
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
@@ -772,22 +772,27 @@ def _moved(
         ball = replace(inputs.ball, mass=inputs.ball.mass + fraction * rig.ball_mass.std)
         move(UncertaintySource.BALL_MASS, replace(scene, inputs=replace(inputs, ball=ball)))
     if scene.calibration is None:
-        rolled = replace(scene, roll_rad=fraction * Defaults.CAMERA_ROLL.std)
-        move(UncertaintySource.CAMERA_ROLL, rolled)
-        slant_step = fraction * scene.slant_std_rad
-        slants = scene.slant_rad + slant_step, scene.slant_rad - slant_step
-        sides = (replace(scene, slant_rad=slant) for slant in slants)
-        move(UncertaintySource.CAMERA_SLANT, *sides)
-        if scene.lens is not None:
-            usual, longer = scene.lens, math.exp(fraction * LOG_FOCAL_STD)
-            lenses = (usual.focal_px * longer, usual.focal_px / longer)
-            sides = (scene.through(focal) for focal in lenses)
-            move(UncertaintySource.LENS_UNKNOWN, *sides)
-        if np.isfinite(scale_std):
-            by_ball = scene.metres_per_px is None
-            source = UncertaintySource.BALL_DIAMETER if by_ball else UncertaintySource.SCALE
-            move(source, replace(scene, scale=scene.scale * (1 + fraction * scale_std)))
+        moved += _moved_views(scene, scale_std, fraction)
     return moved
+
+
+def _moved_views(
+    scene: ClipConditions, scale_std: float, fraction: float
+) -> Iterator[tuple[UncertaintySource, _Sides]]:
+    """Conditions with another view of a camera that is not calibrated."""
+    rolled = replace(scene, roll_rad=fraction * Defaults.CAMERA_ROLL.std)
+    yield UncertaintySource.CAMERA_ROLL, (rolled,)
+    slant_step = fraction * scene.slant_std_rad
+    slants = scene.slant_rad + slant_step, scene.slant_rad - slant_step
+    yield UncertaintySource.CAMERA_SLANT, tuple(replace(scene, slant_rad=one) for one in slants)
+    if scene.lens is not None:
+        usual, longer = scene.lens, math.exp(fraction * LOG_FOCAL_STD)
+        lenses = (usual.focal_px * longer, usual.focal_px / longer)
+        yield UncertaintySource.LENS_UNKNOWN, tuple(scene.through(focal) for focal in lenses)
+    if np.isfinite(scale_std):
+        by_ball = scene.metres_per_px is None
+        source = UncertaintySource.BALL_DIAMETER if by_ball else UncertaintySource.SCALE
+        yield source, (replace(scene, scale=scene.scale * (1 + fraction * scale_std)),)
 
 
 def _other_pendulums(inputs: Inputs, fraction: float) -> list[tuple[UncertaintySource, Pendulum]]:

@@ -73,14 +73,7 @@ def measurement_as_dict(
     kept = [item for item in measured.quantities if names is None or item.name in names]
     other_speeds = _other_speeds(measured, names)
     return {
-        "clip": {
-            "path": str(info.path),
-            "sha256": info.sha256,
-            "width": info.width,
-            "height": info.height,
-            "frames": info.frames,
-            "codec": info.codec,
-        },
+        "clip": {"path": str(info.path), **_values(info, "sha256 width height frames codec")},
         "time_base": {
             "capture_fps": rate.fps,
             "std": rate.std if rate.known else None,
@@ -90,10 +83,7 @@ def measurement_as_dict(
         "motion": _motion(measured.tracks.motion),
         "ball": {"reasons": list(measured.tracks.reasons)},
         "others": [
-            *(
-                _other(f"ball_{place}", item)
-                for place, item in enumerate(measured.tracks.others, start=2)
-            ),
+            *(_other(f"ball_{k}", item) for k, item in enumerate(measured.tracks.others, start=2)),
             *(_other(None, item) for item in measured.tracks.dismissed),
         ],
         "quantities": {item.name: _as_json(item) for item in kept},
@@ -104,31 +94,22 @@ def measurement_as_dict(
             if item.known
         },
         "checks": [
-            {
-                "name": item.name,
-                "passed": item.passed,
-                "outcome": item.outcome.value,
-                "power": item.power,
-                "statement": item.statement,
-            }
+            _values(item, "name passed outcome power statement") | {"outcome": item.outcome.value}
             for item in measured.checks
         ],
         "defaults": [
-            {
-                "name": known.name,
-                "key": known.key or None,
-                "value": known.value,
-                "value_from": known.value_from,
-                "std": known.std,
-                "std_from": known.std_from,
-                "unit": known.unit,
-                "source": known.source,
-            }
+            _values(known, "name key value value_from std std_from unit source")
+            | {"key": known.key or None}
             for known in measured.defaults
         ],
         "warnings": list(measured.warnings),
         "software": {"version": software_version()},
     }
+
+
+def _values(item: object, names: str) -> dict[str, Any]:
+    """Attributes of an object by their names."""
+    return {name: getattr(item, name) for name in names.split()}
 
 
 def _other(name: str | None, item: FollowedObject) -> dict[str, Any]:
