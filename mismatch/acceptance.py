@@ -34,6 +34,7 @@ __all__ = [
 
 FEATURES = (
     "margin",
+    "over_chance",
     "predicted",
     "held_out",
     "left",
@@ -91,6 +92,9 @@ class NameEvidence:
         Rules that take probability away: a further name that removes no error of predictions
         (95 %), each parameter at a bound, a fit that did not converge, a better forbidden answer, a
         strength that trials do not share or leave open.
+    over_chance : float
+        Evidence of the answer over what chance alone reaches in one campaign of a hundred, in units
+        of the misfit.
     mixed : int
         One if the answer names faults of the recording and laws of the motion together. Both at
         once are rare, and either bends a path as the other's imperfect form leaves it.
@@ -108,6 +112,7 @@ class NameEvidence:
     structure: float
     fellows: int
     doubts: int
+    over_chance: float = SURE_BY
     mixed: int = 0
 
 
@@ -127,12 +132,13 @@ def features_of(evidence: NameEvidence) -> FloatArray:
                 _margin(evidence.log_odds, evidence.gain),
                 _margin(over, evidence.gain if over < 0.0 else 0.0),
             ),
+            _compressed(evidence.over_chance),
             float(np.clip(evidence.predicted, -0.5, 1.0)),
             _compressed(evidence.held_out),
             evidence.left,
             _margin(max(evidence.structure, 0.0), evidence.gain),
             float(evidence.fellows),
-            float(evidence.doubts),
+            float(min(evidence.doubts, 1)),
             float(evidence.mixed),
         ]
     )
@@ -213,6 +219,7 @@ def evidence_for_names(
                 structure,
                 len(best.members) - 1,
                 doubts + (len(best.members) > 1 and interval[0] <= 0.0),
+                mine / best.reduced_chi2 - naming.threshold,
                 int(mixed),
             )
         )
@@ -222,13 +229,16 @@ def evidence_for_names(
 def _together_without(naming: Naming, best: Hypothesis, identity: str) -> float:
     """Evidence of chance and of all allowed sets of names that do without one of them.
 
-    Sets of one law in several forms count once. Probabilities are added, each as far from certain
-    as an imperfect form leaves it.
+    Sets of one law in several forms count once, and a set with a further name, which mends its
+    form, with the set that it grew from. Probabilities are added, each as far from certain as an
+    imperfect form leaves it.
     """
-    heights: dict[tuple[str, ...], float] = {}
-    for h in naming.tried:
+    heights: dict[frozenset[str], float] = {}
+    for h in sorted(naming.tried, key=lambda h: len(h.members)):
         if h.allowed and identity not in h.ids and not h.has_unnamed:
-            ids = tuple(sorted(h.ids))
+            ids = frozenset(h.ids)
+            smaller = [one for one in heights if one <= ids]
+            ids = max(smaller, key=lambda one: heights[one], default=ids)
             heights[ids] = max(naming.height(h), heights.get(ids, -math.inf))
     evidence = np.array([naming.threshold - 6.0, *heights.values()])
     gain = naming.height(best) / best.reduced_chi2

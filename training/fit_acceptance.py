@@ -34,7 +34,8 @@ SURE = 0.9
 
 PRIOR = {
     "intercept": (-1.0, 1.0),
-    "margin": (2.0, 1.0),
+    "margin": (2.0, 0.5),
+    "over_chance": (0.5, 0.15),
     "predicted": (1.0, 0.5),
     "held_out": (0.2, 0.2),
     "left": (-2.0, 1.0),
