@@ -89,8 +89,8 @@ class NameEvidence:
     fellows : int
         Other names in the answer.
     doubts : int
-        Rules that take probability away: a further name that removes no error of predictions
-        (95 %), each parameter at a bound, a fit that did not converge, a better forbidden answer, a
+        One if a rule takes probability away: a further name that removes no error of predictions
+        (95 %), a parameter at a bound, a fit that did not converge, a better forbidden answer, a
         strength that trials do not share or leave open.
     over_chance : float
         Evidence of the answer over what chance alone reaches in one campaign of a hundred, in units
@@ -138,7 +138,7 @@ def features_of(evidence: NameEvidence) -> FloatArray:
             evidence.left,
             _margin(max(evidence.structure, 0.0), evidence.gain),
             float(evidence.fellows),
-            float(min(evidence.doubts, 1)),
+            float(evidence.doubts),
             float(evidence.mixed),
         ]
     )
@@ -173,7 +173,7 @@ def evidence_for_names(
     base: Fit,
     naming: Naming,
     predictions: Mapping[int, Prediction],
-    doubts: int,
+    doubted: bool,
 ) -> tuple[NameEvidence, ...]:
     """Evidence for each name of an answer.
 
@@ -181,8 +181,8 @@ def evidence_for_names(
     ----------
     predictions : mapping
         id of a fit → its prediction, for the answer and for the sets of `rivals_without`.
-    doubts : int
-        Doubts about the answer as a whole.
+    doubted : bool
+        Whether something speaks against the answer as a whole.
     """
     best = naming.best
     if best is None:
@@ -218,7 +218,7 @@ def evidence_for_names(
                 min(left, 1.0),
                 structure,
                 len(best.members) - 1,
-                doubts + (len(best.members) > 1 and interval[0] <= 0.0),
+                int(doubted or (len(best.members) > 1 and interval[0] <= 0.0)),
                 mine / best.reduced_chi2 - naming.threshold,
                 int(mixed),
             )

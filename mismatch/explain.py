@@ -501,7 +501,7 @@ def _tested(
     kept = hold_out(forward, base, best, held, known=(folds, predictions))
     kind = "ambiguous" if groups else "explained"
     passed = pass_gate(prepared, best, kind, kept, outdone=naming.outdone)
-    evidence = evidence_for_names(forward, base, naming, predictions, passed.weight)
+    evidence = evidence_for_names(forward, base, naming, predictions, bool(passed.against))
     probabilities = tuple(min(calibrated_probability(one), passed.most) for one in evidence)
     through = passed.beside(evidence[0].gain, evidence[0].structure)
     return _Tested(naming, groups, kept, through, evidence, probabilities)
@@ -807,7 +807,6 @@ REMEDIES: Mapping[Doubt, str] = {
     Doubt.ONE_RECORD: "at least two more trials under the same conditions",
     Doubt.SHAPE_OF_ONE: "at least two more trials under the same conditions",
     Doubt.UNPROVED: "at least two more trials under the same conditions",
-    Doubt.ONE_TRIAL: "repeats of the trial on which the strength depends",
     Doubt.UNSTEADY: "several trials at one setting, to see whether the strength differs between"
     " repeats or between settings",
     Doubt.UNDETERMINED: "trials that pass the same place at another speed or height",

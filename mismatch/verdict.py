@@ -16,7 +16,7 @@ from mismatch.candidates import Candidate
 from mismatch.fitting.fit import Ending, Fit, Free, fit_model
 from mismatch.fitting.hypotheses import POOR_FIT, Hypothesis, is_known
 from mismatch.fitting.prepare import Prepared
-from mismatch.fitting.scan import heterogeneity, own_values, trial_pulls
+from mismatch.fitting.scan import heterogeneity, own_values
 from mismatch.fitting.stated import USUAL_INPUTS
 from mismatch.forward import Forward
 from mismatch.records import Records
@@ -486,7 +486,7 @@ SWALLOWED = 0.1
 
 PULLED = 0.5
 
-"""Share of a strength that one trial alone may make up, or by which trials may differ in it."""
+"""Share of a strength by which trials may differ in it."""
 
 SEEN = 2.5
 
@@ -511,9 +511,7 @@ class Doubt(Enum):
 
     WORSE_HELD_OUT = "on trials kept out of the fit it does no better than the model without it"
     CARRIED = "the body does not fall as a free one does: something carries or holds it"
-    NO_GAIN = "on trials kept out of the fit it does hardly better than the model without it"
     LEFT_OVER = "it leaves most of the mismatch unexplained"
-    ONE_TRIAL = "its strength hangs on one trial alone"
     UNSTEADY = "its strength differs from trial to trial by more than chance and half of itself"
     UNDETERMINED = "its strength and its place or length stand in for each other: neither is known"
     PENDULUMS_WEIGHT = (
@@ -562,18 +560,10 @@ class Passed:
     kind : VerdictKind
     doubts : tuple of Doubt
         What speaks against the answer.
-    at_bounds : int
-        Parameters that ended at the edge of what is allowed.
     """
 
     kind: VerdictKind
     doubts: tuple[Doubt, ...] = ()
-    at_bounds: int = 0
-
-    @property
-    def weight(self) -> int:
-        """Number of doubts against the answer, each parameter at a bound counted."""
-        return len(self.against) + max(self.at_bounds - 1, 0)
 
     @property
     def names(self) -> bool:
@@ -632,63 +622,44 @@ def pass_gate(
         Whether an answer that nature forbids fits better.
     """
     forward = prepared.forward
-    carried = _carried(forward)
     if best is None:
         if kind == "no_mismatch" and _noise_swallows(forward):
             return Passed("unexplained", doubts=(Doubt.NOISE,))
-        if carried and prepared.fit.reduced_chi2 >= POOR_FIT:
+        if prepared.fit.reduced_chi2 >= POOR_FIT and _carried(forward):
             return Passed("unexplained", doubts=(Doubt.CARRIED,))
         return Passed(kind)
-    doubts = [] if kept is not None else [Doubt.UNPROVED]
-    if forward.records.trials == 1 and best.has_unnamed:
-        doubts.append(Doubt.SHAPE_OF_ONE)
-    elif forward.records.trials == 1 and forward.mode != "swing":
-        doubts.append(Doubt.ONE_RECORD)
-    at_bounds = sum(_at_bound(best, member) for member in best.members)
-    if at_bounds:
-        doubts.append(Doubt.AT_BOUND)
-    if best.fit.ending is not Ending.CONVERGED:
-        doubts.append(Doubt.UNCONVERGED)
-    if keeps_time(forward):
-        doubts.append(Doubt.KEEPS_TIME)
+    doubts = _doubts(forward, best, kept)
     if outdone:
         doubts.append(Doubt.OUTDONE)
-    proved = kept is None or kept.proves
-    if _noise_swallows(forward):
-        doubts.append(Doubt.NOISE)
-    if best.reduced_chi2 >= POOR_FIT:
-        if carried:
-            doubts.append(Doubt.CARRIED)
-        if not proved:
-            doubts.append(Doubt.WORSE_HELD_OUT)
-        if _left(prepared, best) > 0.5:
-            doubts.append(Doubt.LEFT_OVER)
-        far = best.reduced_chi2 >= FAR_OFF_NOISE and bool(best.fit.model.own)
-        if far or _own_like_noise(forward, best):
-            doubts.append(Doubt.EACH_ITS_OWN)
-        if _hangs_on_one(forward, best):
-            doubts.append(Doubt.ONE_TRIAL)
-        elif _unsteady(forward, best):
-            doubts.append(Doubt.UNSTEADY)
-        elif _undetermined(best):
-            doubts.append(Doubt.UNDETERMINED)
-    elif kept is not None and kept.worse:
-        doubts.append(Doubt.WORSE_HELD_OUT)
-    elif _unsteady(forward, best):
-        doubts.append(Doubt.UNSTEADY)
-    elif _undetermined(best):
-        doubts.append(Doubt.UNDETERMINED)
-    elif _own_like_noise(forward, best):
-        doubts.append(Doubt.EACH_ITS_OWN)
-    elif _like_its_weight(forward, best):
-        doubts.append(Doubt.PENDULUMS_WEIGHT)
-    elif kept is not None and not kept.proves and kept.gain is not None and kept.gain < NO_GAIN:
-        doubts.append(Doubt.NO_GAIN)
     if best.has_unnamed and best.reduced_chi2 >= POOR_FIT * POOR_FIT:
         # A fitted shape that still leaves structure is a description, not a law.
         kind, doubts = "unexplained", [*doubts, Doubt.LEFT_OVER]
-    through = Passed(kind, tuple(dict.fromkeys(doubts)), at_bounds)
+    through = Passed(kind, tuple(doubts))
     return through if through.names else replace(through, kind="unexplained")
+
+
+def _doubts(forward: Forward, best: Hypothesis, kept: HeldOut | None) -> list[Doubt]:
+    """What speaks against an answer, and what there is too little of for it."""
+    poor = best.reduced_chi2 >= POOR_FIT
+    single = forward.records.trials == 1
+    unproved = poor and kept is not None and not kept.proves
+    far = best.reduced_chi2 >= FAR_OFF_NOISE and bool(best.fit.model.own)
+    holds = {
+        Doubt.UNPROVED: kept is None,
+        Doubt.SHAPE_OF_ONE: single and best.has_unnamed,
+        Doubt.ONE_RECORD: single and not best.has_unnamed and forward.mode != "swing",
+        Doubt.AT_BOUND: any(_at_bound(best, member) for member in best.members),
+        Doubt.UNCONVERGED: best.fit.ending is not Ending.CONVERGED,
+        Doubt.KEEPS_TIME: keeps_time(forward),
+        Doubt.NOISE: _noise_swallows(forward),
+        Doubt.CARRIED: poor and _carried(forward),
+        Doubt.WORSE_HELD_OUT: unproved or (kept is not None and kept.worse),
+        Doubt.EACH_ITS_OWN: far or _own_like_noise(forward, best),
+        Doubt.UNSTEADY: _unsteady(forward, best),
+        Doubt.UNDETERMINED: _undetermined(best),
+        Doubt.PENDULUMS_WEIGHT: not poor and _like_its_weight(forward, best),
+    }
+    return [doubt for doubt, held in holds.items() if held]
 
 
 AT_BOUND = 1e-3
@@ -696,23 +667,17 @@ AT_BOUND = 1e-3
 its finite difference."""
 
 
-def _at_bound(best: Hypothesis, member: Candidate) -> int:
-    """Number of fitted parameters of a law that ended at an edge of what is allowed."""
-    count = 0
+def _at_bound(best: Hypothesis, member: Candidate) -> bool:
+    """Whether a fitted parameter of a law ended at an edge of what is allowed."""
     for index, item in enumerate(best.fit.free):
         if best.fit.model.entries[item.entry][0] is not member.effect or item.parameter.is_held:
             continue
         p = item.parameter
         value, _ = best.fit.value(index)
         edge = AT_BOUND * p.scale
-        count += value <= p.lower + edge or value >= p.upper - edge
-    return count
-
-
-def _left(prepared: Prepared, best: Hypothesis) -> float:
-    """Root mean square misfit beyond the noise that an answer leaves, over that of the baseline."""
-    before = max(prepared.fit.reduced_chi2 - 1.0, 1e-9)
-    return float(min(1.0, math.sqrt(max(best.reduced_chi2 - 1.0, 0.0) / before)))
+        if value <= p.lower + edge or value >= p.upper - edge:
+            return True
+    return False
 
 
 def _carried(forward: Forward) -> bool:
@@ -864,23 +829,6 @@ def _like_its_weight(forward: Forward, best: Hypothesis) -> bool:
         torque = np.asarray(member.effect.torque(values, still), dtype=np.float64)
         both = float(torque @ sine) ** 2
         if both > HALF * float(torque @ torque) * float(sine @ sine):
-            return True
-    return False
-
-
-def _hangs_on_one(forward: Forward, best: Hypothesis) -> bool:
-    """Whether leaving one trial out would change a strength by half of itself or more."""
-    shifts: FloatArray = trial_pulls(forward, best.fit)
-    if forward.records.trials < 3 or not shifts.size:
-        return False
-    for index, item in enumerate(best.fit.free):
-        if item.parameter.is_shape or item.parameter.expected is not None:
-            continue
-        size = abs(best.fit.value(index)[0] - item.parameter.neutral)
-        members = [m for m in best.members if best.fit.model.entries[item.entry][0] is m.effect]
-        shared = bool(members) and members[0].effect.level is Level.CAMPAIGN
-        alone = shared and len(members[0].effect.strengths) == 1
-        if alone and float(np.abs(shifts[:, index]).max()) > PULLED * max(size, 1e-300):
             return True
     return False
 

@@ -49,7 +49,6 @@ __all__ = [
     "scatter_evidence",
     "slopes_left",
     "told_of_own",
-    "trial_pulls",
     "with_own_strengths",
 ]
 
@@ -681,20 +680,6 @@ def robust_spread(forward: Forward, fit: Fit) -> FloatArray:
     pulls = pulls - pulls.mean(axis=0)
     spread = inverse @ (pulls.T @ pulls) @ inverse * trials / (trials - freedom)
     return np.asarray(np.maximum(plain, np.sqrt(np.maximum(np.diag(spread)[first:], 0.0))))
-
-
-def trial_pulls(forward: Forward, fit: Fit) -> FloatArray:
-    """How far leaving each trial out would move each free parameter, to first order.
-
-    Returns
-    -------
-    (trials that take part, n) array
-    """
-    information, pulls = _pulls(forward, fit)
-    if not (np.isfinite(information).all() and np.isfinite(pulls).all()):
-        return np.zeros((0, len(fit.free)))
-    moved: FloatArray = pulls @ inverse_of(information)
-    return moved[:, information.shape[0] - len(fit.free) :]
 
 
 @dataclass(frozen=True)

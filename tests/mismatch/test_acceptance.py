@@ -55,6 +55,7 @@ def _answer(ids, gain, chi2=100.0, form=EXACT):
         ("log_odds", -3.0),
         ("log_odds_over_unnamed", -3.0),
         ("predicted", -0.3),
+        ("over_chance", 0.5),
         ("held_out", -9.0), ("left", 0.9), ("structure", 80.0), ("fellows", 2), ("doubts", 2),
     ],
 )  # fmt: skip
@@ -77,9 +78,6 @@ def test_a_parameter_at_its_bound_is_seen():
     edge = replace(inside, fit=_fit([law], [at]))
     assert _at_bound(inside, inside.members[0]) == 0
     assert _at_bound(edge, edge.members[0]) == 1
-    doubts = (Doubt.AT_BOUND, Doubt.UNPROVED)
-    assert Passed("explained", doubts, 1).weight == 1
-    assert Passed("explained", doubts, 2).weight == 2
 
 
 def test_doubts_that_forbid_a_name_cap_it_and_others_are_weighed():
@@ -103,13 +101,13 @@ def test_a_name_is_held_against_sets_of_every_size(monkeypatch):
     naming = Naming(single, (pair, single), 12.0, SimpleNamespace(candidates=()))
     late = np.ones(4)
     predictions = {id(h.fit): Prediction(late, late, 10.0, late, late) for h in (single, pair)}
-    (found,) = evidence_for_names(None, _fit([], []), naming, predictions, 0)
+    (found,) = evidence_for_names(None, _fit([], []), naming, predictions, False)
     assert set(found.without) == {"wind", "drag"}
     assert found.log_odds < 0.0
     # A set that adds a name to it is no rival of it.
     more = _answer(("magnus", "wind"), 70.0)
     naming = Naming(single, (more, single), 12.0, SimpleNamespace(candidates=()))
-    (found,) = evidence_for_names(None, _fit([], []), naming, predictions, 0)
+    (found,) = evidence_for_names(None, _fit([], []), naming, predictions, False)
     assert found.without == ()
 
 
@@ -124,8 +122,13 @@ def test_a_name_is_held_against_all_that_do_without_it_together(monkeypatch):
         tried = (single, *rivals[:count])
         naming = Naming(single, tried, 12.0, SimpleNamespace(candidates=()))
         predictions = {id(h.fit): Prediction(late, late, 10.0, late, late) for h in tried}
-        (found,) = evidence_for_names(None, _fit([], []), naming, predictions, 0)
+        (found,) = evidence_for_names(None, _fit([], []), naming, predictions, False)
         odds.append(found.log_odds)
+        mended = _answer((laws[0], "parallax"), 49.0)
+        naming = Naming(single, (*tried, mended), 12.0, SimpleNamespace(candidates=()))
+        (again,) = evidence_for_names(None, _fit([], []), naming, predictions, False)
+        assert again.log_odds == found.log_odds
+        assert again.over_chance == 38.0
     imperfect = 1.0 + FORM_ERROR * 50.0 / ODDS
     assert odds == pytest.approx([0.0, -2.0 * imperfect * np.log(5.0)], abs=1e-6)
 
@@ -142,7 +145,7 @@ def test_a_finer_instrument_takes_no_trust_from_the_same_answer(finer, monkeypat
         id(base): Prediction(late, late, 90.0 * finer**2, 25.0 * late, late),
         id(answer.fit): Prediction(late, late, 10.0 * finer**2, late, late),
     }
-    (found,) = evidence_for_names(None, base, naming, predictions, 0)
+    (found,) = evidence_for_names(None, base, naming, predictions, False)
     assert found.left == pytest.approx(0.16, abs=0.04)
     assert calibrated_probability(found) > 0.8
 
@@ -170,7 +173,7 @@ def test_a_second_name_that_removes_no_error_of_predictions_is_doubted(monkeypat
         id(first.fit): Prediction(late, late, 30.0, 0.99 * late, late),
         id(other.fit): Prediction(late, late, 90.0, 9.0 * late, late),
     }
-    magnus, wind = evidence_for_names(None, _fit([], []), naming, predictions, 0)
+    magnus, wind = evidence_for_names(None, _fit([], []), naming, predictions, False)
     assert (magnus.doubts, wind.doubts) == (0, 1)
     assert magnus.predicted_95[0] > 0.5 > 0.0 > wind.predicted_95[0]
 

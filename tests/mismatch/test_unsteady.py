@@ -32,4 +32,4 @@ def test_a_strength_that_varies_between_trials_is_detected(law, unsteady):
     (seen,) = heterogeneity(known.forward, answer.fit)
     assert (seen.chance < 1e-3) == unsteady
     doubts = pass_gate(known, answer, "explained", None).doubts
-    assert (Doubt.UNSTEADY in doubts or Doubt.ONE_TRIAL in doubts) == unsteady
+    assert (Doubt.UNSTEADY in doubts) == unsteady

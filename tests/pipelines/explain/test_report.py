@@ -18,7 +18,6 @@ from mismatch.verdict import (
     NamedEffect,
     ParameterValue,
     Remainder,
-    pass_gate,
 )
 from physics.effects import CATALOGUE
 from pipelines.explain.report import _typeset, draw_explained, explain_report_html, paths_figure
@@ -84,14 +83,6 @@ def test_a_place_that_records_leave_open_has_no_number(heavier):
     told = verdict(effects=(replace(NAMED, parameters=(place, size)),)).text()
     assert "47" not in told
     assert "place not determined, size = 0.8 ± 0.1 N" in told
-
-
-@pytest.mark.parametrize(("gain", "doubted"), [(0.3, True), (40.0, False)])
-def test_a_name_that_predicts_no_better_is_in_doubt(heavier, gain, doubted):
-    flat = HeldOut(("1",), 0.02, 0.02, (0.99, 1.01), gain=gain)
-    passed = pass_gate(heavier.prepared, heavier.naming.best, "explained", flat)
-    assert (Doubt.NO_GAIN in passed.doubts) is doubted
-    assert (Doubt.NO_GAIN in passed.against) is doubted
 
 
 def test_a_name_beside_rivals_is_never_sure(heavier):
