@@ -6,7 +6,7 @@ Every key is optional; an unknown key is an error that names the nearest valid o
 import difflib
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,6 @@ from physics.restitution import CorLaw, parse_cor_law, require_real
 from physics.swing import frictionless_speed
 from pipelines.setup.tables import (
     AirSetup,
-    AirTable,
     BallSetup,
     BallTable,
     CameraSetup,
@@ -42,7 +41,6 @@ from pipelines.setup.tables import (
     ModelTable,
     NoiseSetup,
     PendulumStd,
-    PendulumTable,
     ScatterSetup,
     Setup,
     SetupSchema,
@@ -156,63 +154,55 @@ def ball_from_option(text: str) -> BallSetup:
     return BallSetup(text, diameter.value, diameter_std=diameter.std)
 
 
-def _build(schema: SetupSchema, folder: Path) -> Setup:
-    camera, wall = schema.camera, schema.wall
-    point = camera.principal_point_on_wall
+def _build(schema: Any, folder: Path) -> Setup:
+    camera = _in_si(schema.camera, CameraSetup)
+    if camera["principal_point_on_wall"] is not None:
+        camera["principal_point_on_wall"] = tuple(
+            _with_default_std(part) for part in schema.camera.principal_point_on_wall
+        )
+    if schema.camera.lens is not None:
+        camera["lens"] = folder / schema.camera.lens
     pendulum = None if schema.pendulum is None else _pendulum(schema.pendulum)
     fastest = MAX_LAW_SPEED
     if pendulum is not None:
         fastest = float(frictionless_speed(pendulum, np.pi, 0.0))
+    height = schema.support.height
     return Setup(
-        camera=CameraSetup(
-            _value(camera.capture_fps),
-            _measured(camera.distance_to_wall),
-            None if point is None else (_with_default_std(point[0]), _with_default_std(point[1])),
-            _value(camera.shutter),
-            None if camera.lens is None else folder / camera.lens,
-            _std(camera.capture_fps),
-            _std(camera.shutter),
-        ),
-        wall=WallSetup(
-            _value(wall.grid),
-            _value(wall.fine_grid),
-            _measured(wall.ball_plane_offset),
-            _std(wall.grid),
-            _std(wall.fine_grid),
-        ),
+        camera=CameraSetup(**camera),
+        wall=WallSetup(**_in_si(schema.wall, WallSetup)),
         ball=None if schema.ball is None else _ball("ball", schema.ball, fastest),
         balls={name: _ball(name, table, fastest) for name, table in schema.balls.items()},
         pendulum=pendulum,
-        support=None
-        if schema.support.height is None
-        else bodies.Support(schema.support.height.value),
-        air_known=_air(schema.air),
-        scatter=ScatterSetup(**schema.scatter.model_dump()),
-        noise=NoiseSetup(**schema.noise.model_dump()),
+        support=None if height is None else bodies.Support(height.value),
+        air_known=AirSetup(**_in_si(schema.air, AirSetup)),
+        scatter=ScatterSetup(**_in_si(schema.scatter, ScatterSetup)),
+        noise=NoiseSetup(**_in_si(schema.noise, NoiseSetup)),
         model=_model(schema.model),
         pendulum_std=PendulumStd()
         if schema.pendulum is None
-        else PendulumStd(**{key: _std(given) for key, given in schema.pendulum}),
-        support_std=_std(schema.support.height),
+        else PendulumStd(**{key: given and given.std for key, given in schema.pendulum}),
+        support_std=None if height is None else height.std,
         columns=schema.columns.model_dump(exclude_none=True),
     )
 
 
-def _value(given: Given | None) -> float | None:
-    return None if given is None else given.value
-
-
-def _std(given: Given | None) -> float | None:
-    return None if given is None else given.std
+def _in_si(table: BaseModel, kind: type) -> dict[str, Any]:
+    """Values of a table by the names of its dataclass; a length by hand is a pair with its std."""
+    names = {one.name for one in fields(kind)}
+    found: dict[str, Any] = {}
+    for key, given in table:
+        if not isinstance(given, Given):
+            found[key] = given
+        elif f"{key}_std" in names:
+            found |= {key: given.value, f"{key}_std": given.std}
+        else:
+            found[key] = _with_default_std(given)
+    return found
 
 
 def _with_default_std(given: Given) -> Measured:
     std = Defaults.TAPE.std_of(given.value) if given.std is None else given.std
     return given.value, std
-
-
-def _measured(given: Given | None) -> Measured | None:
-    return None if given is None else _with_default_std(given)
 
 
 def _ball(name: str, table: BallTable, fastest: float) -> BallSetup:
@@ -253,18 +243,12 @@ def _cor_law(name: str, text: str | float, fastest: float) -> CorLaw:
     return law
 
 
-def _pendulum(table: PendulumTable) -> bodies.Pendulum:
+def _pendulum(table: BaseModel) -> bodies.Pendulum:
     paper = bodies.PAPER_PENDULUM
     given = {key: value.value for key, value in table if value is not None}
     # another pendulum than the paper's has another effective mass: I/L²
     effective_mass = given.pop("effective_mass", None if given else paper.effective_mass)
     return replace(paper, **given, effective_mass=effective_mass)
-
-
-def _air(table: AirTable) -> AirSetup:
-    values = {key: _value(given) for key, given in table}
-    stds = {f"{key}_std": _std(given) for key, given in table}
-    return AirSetup(**values, **stds)
 
 
 def _model(table: ModelTable) -> ModelSetup:

@@ -1,14 +1,15 @@
-"""Tables of the setup file: schema, dataclasses in SI, TOML output.
+"""Tables of the setup file: dataclasses in SI, their schema, TOML output.
 
 A value is a float; its standard uncertainty is ``…_std``, None if not given
-(`pipelines.setup.file` has the defaults).
+(`pipelines.setup.file` has the defaults). Each key is declared in its dataclass, with how it is
+read and the unit in which it is written; the schema that checks a file is made of these.
 """
 
 import copy
 import difflib
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cache, wraps
 from numbers import Complex, Integral, Real
 from os import PathLike
@@ -27,7 +28,14 @@ from typing import (
 )
 
 import tomli_w
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    create_model,
+)
 
 from metrology import (
     Defaults,
@@ -47,7 +55,6 @@ from physics.restitution import CorLaw, law_as_text
 
 __all__ = [
     "AirSetup",
-    "AirTable",
     "BallSetup",
     "BallTable",
     "CameraSetup",
@@ -57,7 +64,6 @@ __all__ = [
     "ModelTable",
     "NoiseSetup",
     "PendulumStd",
-    "PendulumTable",
     "ScatterSetup",
     "Setup",
     "SetupSchema",
@@ -94,8 +100,6 @@ Fraction = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
-CameraDistance = Annotated[Given, _given(measurands.CAMERA_DISTANCE)]
-
 WallCoordinate = Annotated[Given, _given(measurands.WALL_COORDINATE)]
 
 
@@ -103,22 +107,21 @@ class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
 
 
-class CameraTable(_Table):
-    """``[camera]``."""
-
-    capture_fps: Annotated[Given, _given(measurands.CAPTURE_RATE)] | None = None
-    distance_to_wall: CameraDistance | None = None
-    principal_point_on_wall: tuple[WallCoordinate, WallCoordinate] | None = None
-    shutter: Annotated[Given, _given(measurands.SHUTTER)] | None = None
-    lens: str | None = None
+def _key(typed: Any, unit: str = "") -> Any:
+    """A key of the file: the type of what is written, and the unit in which it is saved."""
+    return field(default=None, metadata={"typed": typed, "unit": unit})
 
 
-class WallTable(_Table):
-    """``[wall]``."""
+def _given_key(what: Measurand, unit: str) -> Any:
+    return _key(Annotated[Given, _given(what)], unit)
 
-    grid: Annotated[Given, _given(measurands.GRID_PITCH)] | None = None
-    fine_grid: Annotated[Given, _given(measurands.FINE_PITCH)] | None = None
-    ball_plane_offset: Annotated[Given, _given(measurands.BALL_PLANE_OFFSET)] | None = None
+
+def _schema_of(table: type, name: str) -> Any:
+    """The schema of a table, with the keys of its dataclass."""
+    keys: dict[str, Any] = {
+        one.name: (one.metadata["typed"] | None, None) for one in fields(table) if one.metadata
+    }
+    return create_model(name, __base__=_Table, **keys)
 
 
 class ContactOutcomeRow(_Table):
@@ -146,55 +149,18 @@ class BallTable(_Table):
     contact_outcome: tuple[ContactOutcomeRow, ...] = ()
 
 
-class PendulumTable(_Table):
-    """``[pendulum]``."""
-
-    length: Annotated[Given, _given(measurands.PENDULUM_LENGTH)] | None = None
-    inertia: Annotated[Given, _given(measurands.PENDULUM_INERTIA)] | None = None
-    mass: Annotated[Given, _given(measurands.PENDULUM_MASS)] | None = None
-    com: Annotated[Given, _given(measurands.CENTRE_OF_MASS)] | None = None
-    effective_mass: Annotated[Given, _given(measurands.EFFECTIVE_MASS)] | None = None
-
-
-class SupportTable(_Table):
-    """``[support]``."""
-
-    height: Annotated[Given, _given(measurands.SUPPORT_HEIGHT)] | None = None
-
-
-class AirTable(_Table):
-    """``[air]``."""
-
-    temperature: Annotated[Given, _given(measurands.AIR_TEMPERATURE)] | None = None
-    pressure: Annotated[Given, _given(measurands.AIR_PRESSURE)] | None = None
-    humidity: Annotated[Given, _given(measurands.HUMIDITY)] | None = None
-    density: Annotated[Given, _given(measurands.AIR_DENSITY)] | None = None
-    viscosity: Annotated[Given, _given(measurands.AIR_VISCOSITY)] | None = None
-
-
-class ScatterTable(_Table):
-    """``[scatter]``: standard deviation from trial to trial."""
-
-    backswing: Angle | None = None
-    launch_angle: Angle | None = None
-    cor: Fraction | None = None
-    cor_law: Fraction | None = None
-    launch_angle_law: Angle | None = None
-
-
-class NoiseTable(_Table):
-    """``[noise]``: stated noise of the tracks."""
-
-    position: Annotated[float, _number_in(measurands.POSITION_STD)] | None = None
-    angle: Annotated[float, _number_in(measurands.ANGLE_STD), Field(gt=0)] | None = None
-
-
 class ModelTable(BaseModel):
     """``[model]``: effects of the baseline, and a table of parameters for each."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
     effects: tuple[str, ...] = ("gravity", "drag")
+
+
+class SupportTable(_Table):
+    """``[support]``."""
+
+    height: Annotated[Given, _given(measurands.SUPPORT_HEIGHT)] | None = None
 
 
 class ColumnsTable(_Table):
@@ -210,22 +176,6 @@ class ColumnsTable(_Table):
     pendulum: str | None = None
     unit: str | None = None
     t_unit: str | None = None
-
-
-class SetupSchema(_Table):
-    """The whole file."""
-
-    camera: CameraTable = CameraTable()
-    wall: WallTable = WallTable()
-    ball: BallTable | None = None
-    balls: dict[str, BallTable] = Field(default_factory=dict)
-    pendulum: PendulumTable | None = None
-    support: SupportTable = SupportTable()
-    air: AirTable = AirTable()
-    scatter: ScatterTable = ScatterTable()
-    noise: NoiseTable = NoiseTable()
-    model: ModelTable = ModelTable()
-    columns: ColumnsTable = ColumnsTable()
 
 
 def read_parameter(effect: str, key: str, typed: Any) -> Given:
@@ -363,9 +313,6 @@ def _fits(value: object, kind: Any) -> bool:
     return not isinstance(plain, type) or plain is object or isinstance(value, plain)
 
 
-SCATTER_UNITS = {"cor": "", "cor_law": ""}
-"""Units of [scatter] other than angles."""
-
 Measured: TypeAlias = tuple[float, float]
 """Value and standard uncertainty, SI."""
 
@@ -374,11 +321,13 @@ Measured: TypeAlias = tuple[float, float]
 class CameraSetup:
     """Camera, SI; lengths measured by hand as (value, standard uncertainty)."""
 
-    capture_fps: float | None = None
-    distance_to_wall: Measured | None = None
-    principal_point_on_wall: tuple[Measured, Measured] | None = None
-    shutter: float | None = None
-    lens: Path | None = None
+    capture_fps: float | None = _given_key(measurands.CAPTURE_RATE, "fps")
+    distance_to_wall: Measured | None = _given_key(measurands.CAMERA_DISTANCE, "m")
+    principal_point_on_wall: tuple[Measured, Measured] | None = _key(
+        tuple[WallCoordinate, WallCoordinate], "m"
+    )
+    shutter: float | None = _given_key(measurands.SHUTTER, "s")
+    lens: Path | None = _key(str)
     capture_fps_std: float | None = None
     shutter_std: float | None = None
 
@@ -387,9 +336,9 @@ class CameraSetup:
 class WallSetup:
     """Pitch of the grid and of its gradations, m; offset of the ball plane as (value, std), m."""
 
-    grid: float | None = None
-    fine_grid: float | None = None
-    ball_plane_offset: Measured | None = None
+    grid: float | None = _given_key(measurands.GRID_PITCH, "m")
+    fine_grid: float | None = _given_key(measurands.FINE_PITCH, "m")
+    ball_plane_offset: Measured | None = _given_key(measurands.BALL_PLANE_OFFSET, "m")
     grid_std: float | None = None
     fine_grid_std: float | None = None
 
@@ -453,22 +402,22 @@ class BallSetup:
 class PendulumStd:
     """Standard uncertainties of the pendulum's properties, SI, if given."""
 
-    length: float | None = None
-    inertia: float | None = None
-    mass: float | None = None
-    com: float | None = None
-    effective_mass: float | None = None
+    length: float | None = _given_key(measurands.PENDULUM_LENGTH, "m")
+    inertia: float | None = _given_key(measurands.PENDULUM_INERTIA, "kg m^2")
+    mass: float | None = _given_key(measurands.PENDULUM_MASS, "kg")
+    com: float | None = _given_key(measurands.CENTRE_OF_MASS, "m")
+    effective_mass: float | None = _given_key(measurands.EFFECTIVE_MASS, "kg")
 
 
 @dataclass(frozen=True)
 class AirSetup:
     """Air, SI: readings of thermometer, barometer and hygrometer, or density and viscosity."""
 
-    temperature: float | None = None
-    pressure: float | None = None
-    humidity: float | None = None
-    density: float | None = None
-    viscosity: float | None = None
+    temperature: float | None = _given_key(measurands.AIR_TEMPERATURE, "K")
+    pressure: float | None = _given_key(measurands.AIR_PRESSURE, "Pa")
+    humidity: float | None = _given_key(measurands.HUMIDITY, "")
+    density: float | None = _given_key(measurands.AIR_DENSITY, "kg/m^3")
+    viscosity: float | None = _given_key(measurands.AIR_VISCOSITY, "Pa s")
     temperature_std: float | None = None
     pressure_std: float | None = None
     humidity_std: float | None = None
@@ -505,19 +454,21 @@ class AirSetup:
 class ScatterSetup:
     """Standard deviation from trial to trial; angles in rad."""
 
-    backswing: float | None = None
-    launch_angle: float | None = None
-    cor: float | None = None
-    cor_law: float | None = None
-    launch_angle_law: float | None = None
+    backswing: float | None = _key(Angle, "rad")
+    launch_angle: float | None = _key(Angle, "rad")
+    cor: float | None = _key(Fraction)
+    cor_law: float | None = _key(Fraction)
+    launch_angle_law: float | None = _key(Angle, "rad")
 
 
 @dataclass(frozen=True)
 class NoiseSetup:
     """Stated noise of the tracks: m and rad."""
 
-    position: float | None = None
-    angle: float | None = None
+    position: float | None = _key(Annotated[float, _number_in(measurands.POSITION_STD)], "m")
+    angle: float | None = _key(
+        Annotated[float, _number_in(measurands.ANGLE_STD), Field(gt=0)], "rad"
+    )
 
 
 @dataclass(frozen=True)
@@ -605,27 +556,31 @@ class Setup:
         return replace(setup_from_document(changed(document_of(self), keys)), path=self.path)
 
 
+def _required(table: Any) -> Any:
+    return (table, table())
+
+
+_PendulumTable = _schema_of(PendulumStd, "PendulumTable")
+
+SetupSchema = create_model(
+    "SetupSchema",
+    __base__=_Table,
+    camera=_required(_schema_of(CameraSetup, "CameraTable")),
+    wall=_required(_schema_of(WallSetup, "WallTable")),
+    ball=(BallTable | None, None),
+    balls=(dict[str, BallTable], Field(default_factory=dict)),
+    pendulum=(_PendulumTable | None, None),
+    support=_required(SupportTable),
+    air=_required(_schema_of(AirSetup, "AirTable")),
+    scatter=_required(_schema_of(ScatterSetup, "ScatterTable")),
+    noise=_required(_schema_of(NoiseSetup, "NoiseTable")),
+    model=_required(ModelTable),
+    columns=_required(ColumnsTable),
+)
+"""The whole file."""
+
 # wrong types are refused when a setup is created, too
 Setup.__init__ = checked_values(Setup.__init__)  # type: ignore[method-assign]
-
-_UNITS = {
-    "capture_fps": "fps",
-    "shutter": "s",
-    "grid": "m",
-    "fine_grid": "m",
-    "mass": "kg",
-    "diameter": "m",
-    "launch_angle": "rad",
-    "length": "m",
-    "inertia": "kg m^2",
-    "com": "m",
-    "effective_mass": "kg",
-    "temperature": "K",
-    "pressure": "Pa",
-    "humidity": "",
-    "density": "kg/m^3",
-    "viscosity": "Pa s",
-}
 
 
 def setup_as_toml(setup: Setup) -> str:
@@ -669,31 +624,17 @@ def document_of(setup: Setup) -> dict[str, Any]:
         else [_measured_text(part) for part in camera.principal_point_on_wall],
     }
     document: dict[str, Any] = {
-        "camera": _numbers(camera, "capture_fps", "shutter") | measured_lengths,
-        "wall": _numbers(wall, "grid", "fine_grid")
-        | {"ball_plane_offset": _measured_text(wall.ball_plane_offset)},
+        "camera": _numbers(camera) | measured_lengths,
+        "wall": _numbers(wall) | {"ball_plane_offset": _measured_text(wall.ball_plane_offset)},
         "ball": None if setup.ball is None else _ball(setup.ball),
         "balls": {name: _ball(ball) for name, ball in setup.balls.items()},
-        "pendulum": _pendulum(setup),
+        "pendulum": {} if setup.pendulum is None else _numbers(setup.pendulum_std, setup.pendulum),
         "support": {}
         if setup.support is None
         else {"height": _number(setup.support.height, setup.support_std, "m")},
-        "air": _numbers(
-            setup.air_known, "temperature", "pressure", "humidity", "density", "viscosity"
-        ),
-        "scatter": {
-            name: _number(value, None, SCATTER_UNITS.get(name, "rad"))
-            for name, value in vars(setup.scatter).items()
-            if value is not None
-        },
-        "noise": {
-            name: _number(value, None, unit)
-            for name, value, unit in (
-                ("position", setup.noise.position, "m"),
-                ("angle", setup.noise.angle, "rad"),
-            )
-            if value is not None
-        },
+        "air": _numbers(setup.air_known),
+        "scatter": _numbers(setup.scatter),
+        "noise": _numbers(setup.noise),
         "model": _model(setup),
         "columns": dict(setup.columns),
     }
@@ -715,12 +656,18 @@ def _number(value: float, std: float | None, unit: str) -> str | float:
     return f"{value!r} {unit}{spread}".strip()
 
 
-def _numbers(table: object, *names: str) -> dict[str, Any]:
-    return {
-        name: _number(value, getattr(table, f"{name}_std"), _UNITS[name])
-        for name in names
-        if (value := getattr(table, name)) is not None
-    }
+def _numbers(table: Any, body: object = None) -> dict[str, Any]:
+    """Values of a table's keys that are single numbers, with their uncertainties.
+
+    The values are those of `body` if the table holds its uncertainties.
+    """
+    found = {}
+    for key in fields(table):
+        value = getattr(table if body is None else body, key.name, None)
+        if key.metadata and isinstance(value, float | int):
+            std = getattr(table, f"{key.name}_std" if body is None else key.name, None)
+            found[key.name] = _number(value, std, key.metadata["unit"])
+    return found
 
 
 def _measured_text(measured: Measured | None) -> str | None:
@@ -728,7 +675,11 @@ def _measured_text(measured: Measured | None) -> str | None:
 
 
 def _ball(ball: BallSetup) -> dict[str, Any]:
-    table = _numbers(ball, "mass", "diameter", "launch_angle")
+    table: dict[str, Any] = {
+        key: _number(value, getattr(ball, f"{key}_std"), unit)
+        for key, unit in (("mass", "kg"), ("diameter", "m"), ("launch_angle", "rad"))
+        if (value := getattr(ball, key)) is not None
+    }
     if ball.name in bodies.BALLS:
         table["preset"] = ball.name
     preset = bodies.BALLS.get(ball.name)
@@ -737,16 +688,6 @@ def _ball(ball: BallSetup) -> dict[str, Any]:
     if ball.contact_outcome:
         table["contact_outcome"] = [row.model_dump() for row in ball.contact_outcome]
     return table
-
-
-def _pendulum(setup: Setup) -> dict[str, Any]:
-    if setup.pendulum is None:
-        return {}
-    return {
-        name: _number(value, getattr(setup.pendulum_std, name), _UNITS[name])
-        for name in ("length", "inertia", "mass", "com", "effective_mass")
-        if (value := getattr(setup.pendulum, name)) is not None
-    }
 
 
 def _model(setup: Setup) -> dict[str, Any]:
