@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology import NotFoundError
+from metrology.kept import KeptResults
 from vision.ball.appearance import extended_by_appearance
 from vision.ball.ball import BallFits, follow_ball, outlines_near, trusted_rows
 from vision.ball.path import BallPath
@@ -60,6 +61,7 @@ def follow(
     given: "GivenObjects | None" = None,
     kind: MotionKind | None = None,
     progress: Callable[[float], None] | None = None,
+    kept: KeptResults | None = None,
 ) -> Tracks:
     """Find and follow the ball and the pendulum mass through a clip.
 
@@ -79,6 +81,8 @@ def follow(
         The kind of motion, where the automatic one is wrong.
     progress : callable, optional
         Called with the part done, 0 to 1.
+    kept : KeptResults, optional
+        Of an earlier call for the same clip.
 
     Returns
     -------
@@ -91,13 +95,15 @@ def follow(
     UsageError
         If the corrected table is of another clip.
     """
-    recording = _one_scene(clip, ball_at or mass_at or (None if given is None else given.point))
+    kept = kept or KeptResults()
+    at = ball_at or mass_at or (None if given is None else given.point)
+    recording = _one_scene(clip, at, kept)
     if given is not None:
         given.require_within(recording.whole)
     for looks_left in range(_MAX_BREAKS, -1, -1):
         footage = recording.footage
         tracks, scene, seen = _followed_in(
-            recording, capture_fps, ball_at, mass_at, given, kind, progress
+            recording, capture_fps, ball_at, mass_at, given, kind, progress, kept
         )
         others = [other.track for other in tracks.others]
         lost = lost_frames(seen, others, tracks.pendulum)
@@ -306,13 +312,14 @@ def _followed_in(
     given: "GivenObjects | None",
     kind: MotionKind | None,
     progress: Callable[[float], None] | None,
+    kept: KeptResults,
 ) -> tuple[Tracks, FilmedScene, Track]:
     """Follow ball and pendulum through a recording; the scene, and every place the ball is seen.
 
     All in the recording's own frames.
     """
     footage = recording.footage
-    scene = FilmedScene(footage)
+    scene = kept.once("scene", id(footage), lambda: FilmedScene(footage)).anew()
     _tell(progress, 0.2)
     own = None if given is None else given.in_footage(footage)
     found = _find(scene, _located(ball_at, footage), own)
@@ -330,7 +337,7 @@ def _followed_in(
     if rest is not None:
         rough = rough.at(rough.frame >= rest.first)
         came = _came(found, rest)
-        striker = _striker(scene, rest, rough, mass_at)
+        striker = _striker(scene, rest, rough, mass_at, kept)
         if came is not None and striker is not None:
             swung = mass_at is not None or striker.surely_struck
             swung = swung and not _came_straight(came, rest, striker)
@@ -345,7 +352,7 @@ def _followed_in(
     others = _others(scene, found, came, capture_fps)
     beside = others[0].track if came is not None else None
     pendulum = _pendulum(striker, rest, capture_fps)
-    motion = interpret_tracks(ball, pendulum, beside, kind).of_object(found.probability)
+    motion = interpret_tracks(ball, pendulum, beside, kind, kept).of_object(found.probability)
     if motion.kind is MotionKind.SWING:
         rest_frames = None
     unmet = motion.kind in (MotionKind.NONE, MotionKind.SWING) and mass_at is None
@@ -386,14 +393,16 @@ def _with_gaps(scene: FilmedScene, fits: BallFits) -> BallFits:
     return fits.together(more.at(more.fits.found))
 
 
-def _striker(scene: FilmedScene, rest: Rest, rough: BallFits, at: Point | None) -> Striker | None:
+def _striker(
+    scene: FilmedScene, rest: Rest, rough: BallFits, at: Point | None, kept: KeptResults
+) -> Striker | None:
     """What struck the ball, in gray; else against the first frames, in colour, and if small.
 
     The last frame of rest is known to a frame or so.
     """
     found = None
     for last in (rest.last, rest.last - 1, rest.last + 1):
-        other = find_striker(scene, replace(rest, last=last), rough, at)
+        other = find_striker(scene, replace(rest, last=last), rough, at, kept=kept)
         if other is not None and other.surely_struck:
             return other
         found = found or other
@@ -421,9 +430,9 @@ def _still_until(rest: Rest, fits: BallFits) -> tuple[int, int]:
     return rest.first, finer.last
 
 
-def _one_scene(clip: "ClipReader", at: Point | None) -> _Recording:
+def _one_scene(clip: "ClipReader", at: Point | None, kept: KeptResults) -> _Recording:
     """The scene pointed at, or in which most moves."""
-    footage = Footage(clip)
+    footage = kept.once("footage", id(clip), lambda: Footage(clip))
     if len(footage.parts) == 1:
         return _Recording(footage, footage.whole_count, footage.parts[0])
     chosen = max(footage.parts, key=footage.moved_in)
@@ -436,7 +445,8 @@ def _one_scene(clip: "ClipReader", at: Point | None) -> _Recording:
         f"{chosen[1] - 1} are measured; cut the others out and measure them by themselves, or "
         "point into one with --ball-at X,Y,FRAME."
     )
-    return _Recording(Footage(clip, part=chosen), footage.whole_count, chosen, said=(said,))
+    part = kept.once("part", (id(clip), chosen), lambda: Footage(clip, part=chosen))
+    return _Recording(part, footage.whole_count, chosen, said=(said,))
 
 
 def _camera_warnings(scene: FilmedScene, footage: Footage) -> list[str]:

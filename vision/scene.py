@@ -802,6 +802,12 @@ class FilmedScene:
         self._aligner = Aligner(self.background.image, self.noise)
         self._meter = LightMeter(self.background.image, self.noise)
 
+    def anew(self) -> "FilmedScene":
+        """The same scene before any of its frames was registered."""
+        other = copy.copy(self)
+        other.views = {}
+        return other
+
     def tinted(self, blueness: float, redness: float) -> "FilmedScene":
         """The same scene in one colour: see `Footage.tinted`.
 

@@ -329,7 +329,8 @@ def given_objects(table: object) -> GivenObjects:
         If columns are missing, a number is none, or an object has two rows of one frame.
     """
     rows = _numbers(table)
-    digest = hashlib.sha256(rows.to_csv(index=False).encode()).hexdigest()
+    named = repr(list(rows)).encode()
+    digest = hashlib.sha256(named + rows.to_numpy().tobytes()).hexdigest()
     if "tracklet" not in rows:
         return GivenObjects(digest, _detections(rows), ())
     marked = rows["measured"].to_numpy() == 1.0

@@ -14,6 +14,7 @@ from threading import RLock, Thread
 from typing import TYPE_CHECKING, Any
 
 from metrology import ImpactVisionError, NotFoundError
+from metrology.kept import KeptResults
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.processes import end_with_parent
 from vision.stages import candidate_table, detect, given_objects, link
@@ -159,23 +160,24 @@ def _serve(pipe: Connection) -> None:
     end_with_parent()
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    kept = KeptResults()
     with suppress(EOFError, OSError):
         while True:
             task = pipe.recv()
             while pipe.poll():
                 task = pipe.recv()
             with suppress(_Superseded):
-                pipe.send(_answer(task, pipe))
+                pipe.send(_answer(task, pipe, kept))
 
 
-def _answer(task: Task, pipe: Connection) -> ClipAnswer:
+def _answer(task: Task, pipe: Connection, kept: KeptResults) -> ClipAnswer:
     def tell(step: str, part: float) -> None:
         if pipe.poll():
             raise _Superseded
         pipe.send(ClipAnswer(task.number, step, part, done=False))
 
     try:
-        return measured_answer(task, tell)
+        return measured_answer(task, tell, kept)
     except ImpactVisionError as problem:
         return ClipAnswer(task.number, problem=problem.in_one_line)
     except (OSError, MemoryError) as problem:
@@ -188,7 +190,9 @@ def _answer(task: Task, pipe: Connection) -> ClipAnswer:
         return ClipAnswer(task.number, problem=f"{said} Please report the text in the terminal.")
 
 
-def measured_answer(task: Task, tell: Callable[[str, float], None]) -> ClipAnswer:
+def measured_answer(
+    task: Task, tell: Callable[[str, float], None], kept: KeptResults | None = None
+) -> ClipAnswer:
     """Measure a task's clip; where no ball is found, the answer holds what was.
 
     Raises
@@ -202,7 +206,7 @@ def measured_answer(task: Task, tell: Callable[[str, float], None]) -> ClipAnswe
     if task.corrected is not None:
         options = replace(options, corrected=given_objects(task.corrected))
     try:
-        measured = measure_clip(task.clip, options, tell)
+        measured = measure_clip(task.clip, options, tell, kept)
     except NotFoundError as problem:
         seen = detect(task.clip)
         linked = link(seen).assign(measured=0, probability=0.0) if len(seen) else None

@@ -18,6 +18,7 @@ from calib.grid import WallGrid
 from calib.solve import LOG_FOCAL_STD, Solved
 from metrology import CalibrationError, MeasurementError, UncertaintySource
 from metrology.compiled import with_stack_space
+from metrology.kept import KeptResults
 from pipelines.cache import Cache, clip_digest
 from pipelines.checker.clips import clip_findings
 from pipelines.measure.budget import (
@@ -103,7 +104,7 @@ def measured_once(measure: _Measure) -> _Measure:
     Parameters
     ----------
     measure : callable
-        Takes a path, options and a progress callable.
+        Takes a path, options, a progress callable and kept results.
     """
 
     @functools.wraps(measure)
@@ -111,22 +112,23 @@ def measured_once(measure: _Measure) -> _Measure:
         path: Path,
         options: "MeasureOptions | None" = None,
         progress: _Progress | None = None,
+        kept: KeptResults | None = None,
     ) -> ClipMeasurement:
         path = Path(path)
-        kept = Cache.of_user(wanted=options is not None and options.cache)
-        if kept.folder is None or options is None or not os.path.exists(path):
-            return measure(path, options, progress)
+        stored = Cache.of_user(wanted=options is not None and options.cache)
+        if stored.folder is None or options is None or not os.path.exists(path):
+            return measure(path, options, progress, kept)
         followed_from = (clip_digest(path), _lens_digest(options))
         keys = [
-            kept.key("measurement", *followed_from, replace(options, wanted=wanted))
+            stored.key("measurement", *followed_from, replace(options, wanted=wanted))
             for wanted in dict.fromkeys((None, options.wanted))
         ]
         for key in keys:
-            found = kept.get(key)
+            found = stored.get(key)
             if isinstance(found, ClipMeasurement):
                 return replace(found, info=replace(found.info, path=path))
-        made = measure(path, options, progress)
-        kept.put(keys[-1], made)
+        made = measure(path, options, progress, kept)
+        stored.put(keys[-1], made)
         return made
 
     return measured
@@ -306,6 +308,7 @@ def measure_clip(
     path: Path,
     options: MeasureOptions | None = None,
     progress: Callable[[str, float], None] | None = None,
+    kept: KeptResults | None = None,
 ) -> ClipMeasurement:
     """Measure one clip.
 
@@ -317,6 +320,8 @@ def measure_clip(
         Setup and overrides.
     progress : callable, optional
         Called with the name of the step and its completed fraction.
+    kept : KeptResults, optional
+        Of earlier measurements: what the options do not change is not computed again.
 
     Returns
     -------
@@ -331,7 +336,7 @@ def measure_clip(
     options = options or MeasureOptions()
     report = progress or (lambda _step, _part: None)
     inputs = gather_inputs(options.setup, options.ball, options.wall_grid)
-    clip = ClipReader.open(path, every=options.every)
+    clip = _opened(path, options.every, kept)
     camera = options.setup.camera
     rate = choose_capture_rate(
         clip.info,
@@ -350,15 +355,23 @@ def measure_clip(
             given=options.corrected,
             kind=options.kind,
             progress=lambda part: report("following ball and pendulum", part),
+            kept=kept,
         )
 
     seen = tracked_once(clip, rate.fps, options, follow_it)
     if not rate.known and options.joint_rate is not None:
         rate = options.joint_rate
     followed = FollowedClip(seen.tracks, seen.clock, rate, inputs, options.scale_m_per_px)
-    fitted = fitted_once(clip, options, lambda: fit_tracks(followed, report))
+    fitted = fitted_once(clip, options, lambda: fit_tracks(followed, report, kept))
     found = quantities_of(fitted, report, options.budget, options.wanted)
     return measurement_of(seen.info, followed, found, seen.warnings)
+
+
+def _opened(path: Path, every: int, kept: KeptResults | None) -> ClipReader:
+    if kept is None or not os.path.exists(path):
+        return ClipReader.open(path, every=every)
+    key = path, clip_digest(path), every
+    return kept.once("clip", key, lambda: ClipReader.open(path, every=every))
 
 
 def measurement_of(
@@ -460,7 +473,9 @@ def fitted_once(
 
 
 def fit_tracks(
-    followed: FollowedClip, progress: Callable[[str, float], None] | None = None
+    followed: FollowedClip,
+    progress: Callable[[str, float], None] | None = None,
+    kept: KeptResults | None = None,
 ) -> FittedClip:
     """Calibrate, determine the clock and fit the motion: everything before single quantities.
 
@@ -469,6 +484,8 @@ def fit_tracks(
     followed : FollowedClip
     progress : callable, optional
         Called with the name of the step and its completed fraction.
+    kept : KeptResults, optional
+        Of earlier fits of the same clip.
     """
     report = progress or (lambda _step, _part: None)
     inputs, rate = followed.inputs, followed.rate
@@ -476,7 +493,7 @@ def fit_tracks(
     report("calibrating", 0.0)
     wall = WallScene(refusal=NoScale(_WALL_UNKNOWN))
     if followed.scale_m_per_px is None:
-        wall = _calibrated(tracks, inputs)
+        wall = _calibrated(tracks, inputs, kept)
     if not rate.known:
         rate = _rate_by_fall(replace(followed, tracks=tracks), wall)
         tracks = _timed(tracks, followed.seconds(rate.fps))
@@ -734,9 +751,9 @@ class WallScene:
         return None if self.solved is None else self.solved.grid
 
 
-def _calibrated(tracks: Tracks, inputs: Inputs) -> WallScene:
+def _calibrated(tracks: Tracks, inputs: Inputs, kept: KeptResults | None) -> WallScene:
     try:
-        return WallScene(calibrate_clip(tracks, inputs))
+        return WallScene(calibrate_clip(tracks, inputs, kept))
     except ContradictionError as problem:
         text = f"{problem.message}; {_sizes(inputs)}"
         return WallScene(refusal=NoScale(text, contradicts=True))

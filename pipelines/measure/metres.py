@@ -18,6 +18,7 @@ from calib.grid import find_wall_grid
 from calib.lens import LensPrior, read_lens
 from calib.solve import FOCAL_OVER_WIDTH, LOG_FOCAL_STD, Solved, solve
 from metrology import Defaults, NotFoundError
+from metrology.kept import KeptResults
 from metrology.least_squares import minimise
 from pipelines.measure.inputs import Inputs
 from vision.ball.outline import RADIUS_STD_PX
@@ -615,7 +616,7 @@ def centre_of_arc(points: FloatArray) -> FloatArray:
     return np.asarray(best.values[:2] + middle)
 
 
-def calibrate_clip(tracks: Tracks, inputs: Inputs) -> Solved:
+def calibrate_clip(tracks: Tracks, inputs: Inputs, kept: KeptResults | None = None) -> Solved:
     """Find the wall grid, and fit camera and ball plane to all evidence.
 
     Raises
@@ -626,8 +627,11 @@ def calibrate_clip(tracks: Tracks, inputs: Inputs) -> Solved:
         If the lens file can't be used.
     """
     lens = known_lens(tracks, inputs)
-    grid = find_wall_grid(
-        tracks.background, pitch_m=inputs.grid_pitch, fine_pitch_m=inputs.fine_pitch
+    background, sizes = tracks.background, (inputs.grid_pitch, inputs.fine_pitch)
+    grid = (kept or KeptResults()).once(
+        "grid",
+        (background, sizes),
+        lambda: find_wall_grid(background, pitch_m=sizes[0], fine_pitch_m=sizes[1]),
     )
     return solve(grid, scene_evidence(tracks, inputs), lens=lens)
 

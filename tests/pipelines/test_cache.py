@@ -282,7 +282,7 @@ def test_a_clip_is_measured_once_for_all_that_is_said_alike(
     lens.write_text("fx = 900\n")
     asked: list[MeasureOptions] = []
 
-    def measure(path: Path, options: MeasureOptions, progress: object) -> ClipMeasurement:
+    def measure(path: Path, options: MeasureOptions, *_: object) -> ClipMeasurement:
         asked.append(options)
         return empty_measurement(path)
 
@@ -309,7 +309,7 @@ def test_a_question_is_answered_by_the_whole_measurement_where_there_is_one(
     clip.write_bytes(b"one")
     asked: list[tuple[str, ...] | None] = []
 
-    def measure(path: Path, options: MeasureOptions, progress: object) -> ClipMeasurement:
+    def measure(path: Path, options: MeasureOptions, *_: object) -> ClipMeasurement:
         asked.append(options.wanted)
         return empty_measurement(path)
 

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from metrology.kept import KeptResults
 from vision.motions.explanations import MIN_ROWS, Explained, explain
 from vision.motions.models import DISCREPANCY, FloatArray, Observations
 from vision.motions.segments import Division, Model, Segment, Span, segment_of
@@ -72,7 +73,7 @@ MIN_TRACK_ROWS = 8
 
 
 def features_of(
-    ball: Observations, striker: Observations | None = None
+    ball: Observations, striker: Observations | None = None, kept: KeptResults | None = None
 ) -> tuple[FloatArray, "Explained | None", "Explained | None"]:
     """Features of a track or a pair, in the order of `FEATURES`, and the fits behind them."""
     if len(ball) < MIN_TRACK_ROWS:
@@ -83,7 +84,8 @@ def features_of(
     values |= _costs(one) | _shapes(one) | _falling(one) | _sliding(one) | _course(one)
     other = None
     if striker is not None and len(striker) >= MIN_ROWS:
-        other = explain(striker)
+        kept = kept or KeptResults()
+        other = kept.once("striker's motion", striker, lambda: explain(striker))
         values |= _pair(one, other)
     return np.array([values.get(name, 0.0) for name in FEATURES]), one, other
 

@@ -14,6 +14,7 @@ from importlib import resources
 
 import numpy as np
 
+from metrology.kept import KeptResults
 from vision.motions.explanations import MIN_ROWS, Explained
 from vision.motions.features import FEATURES, MIN_TRACK_ROWS, departure_of, features_of
 from vision.motions.models import DISCREPANCY, FloatArray, Observations, Swing
@@ -109,6 +110,7 @@ def interpret(
     rolls: float = 1.0,
     hangs: bool = False,
     given: MotionKind | None = None,
+    kept: KeptResults | None = None,
 ) -> Interpretation:
     """Which kind of motion a track shows, or a ball with the one that may have struck it.
 
@@ -126,12 +128,14 @@ def interpret(
 
     given : MotionKind, optional
         The kind to explain the track as; its probability stays that of the track.
+    kept : KeptResults, optional
+        Of an earlier call for the same striker.
 
     Returns
     -------
     Interpretation
     """
-    values, one, other = features_of(ball, striker)
+    values, one, other = features_of(ball, striker, kept)
     if one is None:
         shares = dict.fromkeys(MotionKind, 0.0) | {MotionKind.NONE: 1.0}
         reason = f"It is seen in {len(ball)} frames only; a motion needs {MIN_TRACK_ROWS}."

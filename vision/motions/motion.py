@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from metrology.kept import KeptResults
 from vision.motions.kinds import interpret
 from vision.motions.models import Observations
 from vision.tracks import Motion, MotionKind, PendulumTrack, Track
@@ -16,6 +17,7 @@ def interpret_tracks(
     pendulum: PendulumTrack | None = None,
     striker: Track | None = None,
     given: MotionKind | None = None,
+    kept: KeptResults | None = None,
 ) -> Motion:
     """Determine what happens to a ball.
 
@@ -29,6 +31,8 @@ def interpret_tracks(
         Another object that came to it, where no pendulum did.
     given : MotionKind, optional
         The kind that a person states.
+    kept : KeptResults, optional
+        Of an earlier call for the same striker.
 
     Returns
     -------
@@ -40,6 +44,7 @@ def interpret_tracks(
         None if came is None else _observed(came),
         hangs=pendulum is not None and _hangs(pendulum),
         given=given,
+        kept=kept,
     )
     stated = () if given is None else (f"That it is a {given.noun} was given.",)
     ranked = sorted(found.probabilities.items(), key=lambda item: -item[1])

@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from metrology.kept import KeptResults
 from metrology.least_squares import minimise
 from vision.ball.ball import BallFits
 from vision.ball.edges import TYPICAL_GAMMA
@@ -31,7 +32,7 @@ from vision.pendulum.pendulum import (
     follow_piece,
     most_explained,
 )
-from vision.scene import Backdrop, FilmedScene, scene_before_strike
+from vision.scene import Backdrop, FilmedScene, FrameView, scene_before_strike
 from vision.tracks import Face, PendulumTrack, Rest, Track
 
 __all__ = ["Striker", "another_body", "find_striker", "pendulum_track", "settles", "steadiest"]
@@ -361,6 +362,7 @@ def find_striker(
     mass_at: Point | None = None,
     *,
     small: bool = False,
+    kept: KeptResults | None = None,
 ) -> Striker | None:
     """Find and follow what strikes the ball.
 
@@ -376,6 +378,8 @@ def find_striker(
         x, y (px) of a point on the striker just before contact, where the user gave one.
     small : bool
         Whether it may be small beside the ball.
+    kept : KeptResults, optional
+        Of an earlier search in the same footage.
 
     Returns
     -------
@@ -383,14 +387,44 @@ def find_striker(
         None if nothing swings towards the ball.
     """
     at = None if mass_at is None else (float(mass_at[0]), float(mass_at[1]))
+    near = _near_strike(ball, rest)
+
+    def searched() -> "tuple[_StrikerSearch | None, dict[int, FrameView]]":
+        return _searched(scene, rest, near, at, small), dict(scene.views)
+
+    # a moving camera's frames are registered one after another
+    views = scene.views if scene.hand_held else None
+    depends = (scene.known, views, rest, near.frame, near.centre, near.radius, at, small)
+    search, views = (kept or KeptResults()).once(f"striker at {rest.last}", depends, searched)
+    scene.views.update(views)
+    return None if search is None else search.striker(ball)
+
+
+_SEARCHED_RADII, _SEARCHED_FRAMES = 4.6, 16
+"""Radii that the ball flies, and frames at least, beyond which the search looks at nothing
+(derived: twice as far as bodies are followed to be compared)."""
+
+
+def _near_strike(ball: BallFits, rest: Rest) -> BallFits:
+    """The ball as far as the search follows anything, with its usual radius in each frame."""
+    radius = np.full(len(ball), np.median(ball.radius))
+    far = rest.last + rest.frames_along(_SEARCHED_RADII, float(radius[0]), _SEARCHED_FRAMES)
+    rows = np.arange(min(int(np.searchsorted(ball.frame, far, side="right")) + 1, len(ball)))
+    return replace(ball, fits=replace(ball.fits, radius=radius)).at(rows)
+
+
+def _searched(
+    scene: FilmedScene, rest: Rest, ball: BallFits, at: tuple[float, float] | None, small: bool
+) -> "_StrikerSearch | None":
+    """Search among pieces, and among proposed bodies unless a piece is sure."""
     pieces = _StrikerSearch.of_pieces(scene, rest, ball, at, small)
     if pieces is not None and pieces.is_sure:
-        return pieces.striker()
+        return pieces
     bodies = propose_bodies(scene, rest, float(np.median(ball.radius)), at)
     swung = _StrikerSearch.of_bodies(scene, rest, ball, bodies)
     if pieces is None or (swung is not None and swung.is_better_than(pieces)):
-        pieces = swung
-    return None if pieces is None else pieces.striker()
+        return swung
+    return pieces
 
 
 @dataclass(frozen=True)
@@ -530,9 +564,10 @@ class _StrikerSearch:
             return self.best.striking < other.best.striking
         return self.best.misfit < _FAR_LESS * other.best.misfit
 
-    def striker(self) -> Striker:
-        """Follow the best one to both ends of the clip, and find its face."""
-        follower = self.follower
+    def striker(self, ball: BallFits) -> Striker:
+        """Follow the best one to both ends of the clip, behind the whole ball; find its face."""
+        searched = self.follower
+        follower = Follower(searched.scene, searched.rest, ball, searched.before)
         scenes_before = follower.before, self.lit
         best = follow_on(follower, self.best)
         scene, rest, radius = follower.scene, follower.rest, follower.radius

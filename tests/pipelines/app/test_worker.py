@@ -1,10 +1,20 @@
-"""The measuring process: one that dies is replaced by the next task, however soon it comes."""
+"""The measuring process, and what it keeps from one correction to the next."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from queue import Queue
+from typing import Any
 
-from pipelines.app.worker import ClipAnswer, Measurer
+import numpy as np
+
+from metrology.kept import KeptResults
+from pipelines.app.corrections import ObjectMark, corrected_table
+from pipelines.app.worker import ClipAnswer, Measurer, Task, measured_answer
 from pipelines.measure.chain import MeasureOptions
+from pipelines.measure.files import measurement_as_json
+from pipelines.setup.file import load_setup
+from tests.pipelines.app.small import CLIP
 
 
 def test_a_task_given_as_the_process_dies_is_answered(tmp_path: Path) -> None:
@@ -25,3 +35,45 @@ def test_a_task_given_as_the_process_dies_is_answered(tmp_path: Path) -> None:
         assert "ended unexpectedly" in answers.get(timeout=30.0)
     assert "missing.mp4" in answers.get(timeout=30.0)
     measurer.stop()
+
+
+class _Counted(KeptResults):
+    """Kept results that list the steps which were computed."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.computed: list[str] = []
+
+    def once(self, step: str, inputs: object, compute: Callable[[], Any]) -> Any:
+        def counted() -> Any:
+            self.computed.append(step)
+            return compute()
+
+        return super().once(step, inputs, counted)
+
+
+def test_a_correction_keeps_what_it_does_not_change_and_measures_the_same() -> None:
+    kept, options = _Counted(), MeasureOptions(setup=load_setup(CLIP.with_suffix(".toml")))
+
+    def answer(task: Task, kept: KeptResults | None) -> ClipAnswer:
+        return measured_answer(task, lambda _step, _part: None, kept)
+
+    def steps() -> set[str]:
+        return {one.partition(" at ")[0] for one in kept.computed}
+
+    found = answer(Task(1, CLIP, options), kept).candidates
+    assert found is not None
+    assert {"clip", "footage", "scene", "striker", "striker's motion", "grid"} == {*steps()}
+    own = found[found["measured"] == 1].sort_values("frame")
+    seen = own.iloc[len(own) // 2]
+    mark = ObjectMark(int(seen["frame"]), seen["x_px"] + 3.0, seen["y_px"], moved=True)
+    dragged = Task(2, CLIP, options, corrected_table(found, (mark,)))
+    faster = replace(dragged, options=replace(options, fps=601.0))
+    for task, computed in ((dragged, {"striker", "striker's motion"}), (faster, set())):
+        kept.computed.clear()
+        again, fresh = answer(task, kept).measured, answer(task, None).measured
+        assert again is not None
+        assert fresh is not None
+        assert measurement_as_json(again) == measurement_as_json(fresh)
+        assert np.array_equal(again.tracks.ball.centre_px, fresh.tracks.ball.centre_px)
+        assert steps() == computed
