@@ -12,6 +12,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from bench.insert import rounded
 from metrology.files import write_text_whole
 
 RESULTS = Path(__file__).parents[1] / "docs" / "results" / "evidence.json"
@@ -84,19 +85,11 @@ def collected(folder: Path) -> dict[str, Any]:
     return results
 
 
-def _rounded(tree: Any) -> Any:
-    if isinstance(tree, dict):
-        return {key: _rounded(value) for key, value in tree.items()}
-    if isinstance(tree, list):
-        return [_rounded(value) for value in tree]
-    return float(f"{tree:.6g}") if isinstance(tree, float) else tree
-
-
 def main() -> None:
     """Write the results file."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("folder", type=Path, metavar="FOLDER")
-    results = _rounded(collected(parser.parse_args().folder.resolve()))
+    results = rounded(collected(parser.parse_args().folder.resolve()))
     results["tables_commit"] = results["commit"]
     if not results["clips"]:
         known = json.loads(RESULTS.read_text(encoding="utf-8"))

@@ -22,7 +22,7 @@ from metrology.defaults import Default, Defaults
 from metrology.files import write_text_whole
 from physics.bodies import GRAVITY
 
-__all__ = ["filled", "pages", "read_results", "values"]
+__all__ = ["filled", "pages", "read_results", "rounded", "values"]
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -393,6 +393,15 @@ def read_results(name: str) -> Record:
     """Content of a file of docs/results; empty where it is absent."""
     path = RESULTS / name
     return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
+
+
+def rounded(tree: Any, digits: int = 6) -> Any:
+    """A tree of results with its numbers rounded."""
+    if isinstance(tree, dict):
+        return {key: rounded(value, digits) for key, value in tree.items()}
+    if isinstance(tree, list):
+        return [rounded(value, digits) for value in tree]
+    return float(f"{tree:.{digits}g}") if isinstance(tree, float) else tree
 
 
 def _inertia() -> float:

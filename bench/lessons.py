@@ -19,6 +19,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
+from bench.insert import rounded
 from calib.camera import Camera, Lens
 from impact_vision import measure
 from metrology.files import write_text_whole
@@ -240,13 +241,7 @@ def main() -> None:
         results[name] = bounced(truth) if name == "bounce" else measured(name, truth)
         print(name, results[name])
     RESULTS.parent.mkdir(exist_ok=True)
-    write_text_whole(RESULTS, json.dumps(_rounded(results), indent=1) + "\n")
-
-
-def _rounded(tree: Any) -> Any:
-    if isinstance(tree, dict):
-        return {key: _rounded(value) for key, value in tree.items()}
-    return float(f"{tree:.6g}") if isinstance(tree, float) else tree
+    write_text_whole(RESULTS, json.dumps(rounded(results), indent=1) + "\n")
 
 
 if __name__ == "__main__":

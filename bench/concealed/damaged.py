@@ -1,15 +1,9 @@
 """Damage sound campaigns as users do and check the engine's answers.
 
-Run: python -m bench.concealed.damaged
-
-Required: no traceback, a documented exit code, and no name with a probability above 0.5. The table
-has one row for every kind of damage; a number is the exit code of a rejected campaign.
+Required: no traceback, a documented exit code, and no name with a probability above 0.5.
 """
 
-import argparse
 import json
-import sys
-import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -423,35 +417,3 @@ DAMAGES: Mapping[str, Callable[[Files], Files]] = {
     ),
 }
 """Damage by name."""
-
-
-def _cell(outcome: Outcome) -> str:
-    if outcome.fails:
-        return f"**{outcome.fails}**"
-    if outcome.code:
-        return str(outcome.code)
-    named = ", ".join(f"{name} {p:.2f}" for name, p in outcome.named.items())
-    return f"{outcome.verdict}{f' ({named})' if named else ''}"
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m bench.concealed.damaged", description=__doc__)
-    parser.add_argument("--sound", choices=SOUND, help="only this campaign")
-    parser.add_argument("--damage", default="", help="damages whose name contains this text")
-    options = parser.parse_args()
-    bad = 0
-    print("| campaign | damage | answer |\n|---|---|---|")
-    with tempfile.TemporaryDirectory() as scratch:
-        for name in [options.sound] if options.sound else SOUND:
-            files = SOUND[name](Path(scratch))
-            for damage, change in DAMAGES.items():
-                damaged = change(files)
-                if options.damage in damage and (damage == "nothing" or not damaged.like(files)):
-                    outcome = explained(damaged, Path(scratch))
-                    bad += bool(outcome.fails)
-                    print(f"| {name} | {damage} | {_cell(outcome)} |", flush=True)
-    sys.exit(min(bad, 1))
-
-
-if __name__ == "__main__":
-    main()

@@ -9,20 +9,13 @@ import argparse
 import json
 import tempfile
 from pathlib import Path
-from typing import Any
 
-from bench.insert import read_results
+from bench.insert import read_results, rounded
 from bench.page.rows import ROWS
 from bench.page.served import ROOT, chromium
 from metrology.files import write_text_whole
 
 RESULTS = ROOT / "docs" / "results" / "page.json"
-
-
-def _rounded(tree: Any) -> Any:
-    if isinstance(tree, dict):
-        return {key: _rounded(value) for key, value in tree.items()}
-    return float(f"{tree:.3g}") if isinstance(tree, float) else tree
 
 
 def main() -> None:
@@ -33,7 +26,7 @@ def main() -> None:
     with chromium() as browser:
         for name in parser.parse_args().rows or ROWS:
             with tempfile.TemporaryDirectory() as folder:
-                found[name] = _rounded(ROWS[name](browser, Path(folder)))
+                found[name] = rounded(ROWS[name](browser, Path(folder)), 3)
             print(name, json.dumps(found[name]), flush=True)
             write_text_whole(RESULTS, json.dumps(found, indent=1) + "\n")
 
