@@ -1,13 +1,13 @@
-"""Messages in the words of Python: arguments in place of options of the commands."""
+"""Messages with arguments of Python, or fields of the page, in place of options."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
 from metrology import ImpactVisionError
 
-__all__ = ["in_python", "worded_for_python"]
+__all__ = ["in_fields", "in_python", "worded_for_python"]
 
 _ARGUMENTS = (
     "fps", "ball", "wall-grid", "fine-grid", "ball-at", "mass-at", "scale", "setup", "lens",
@@ -56,6 +56,37 @@ def _argument(found: re.Match[str]) -> str:
     else:
         shown = f'"{bare}"'
     return f"{name}={shown}{after}"
+
+
+_PASSED = re.compile(rf"(?:\b([Pp])ass )?--([a-z-]+\b)(?:[ =]({_VALUE}))?")
+
+
+def in_fields(text: str, labels: Mapping[str, str]) -> str:
+    """A message of the commands with the fields and buttons of a page.
+
+    Parameters
+    ----------
+    text : str
+        ``"Pass --wall-grid 50mm."``
+    labels : mapping of str to str
+        Of fields and buttons, by option. Others stay options.
+
+    Returns
+    -------
+    str
+        ``"Use “Wall grid” 50mm."``
+    """
+
+    def placed(found: re.Match[str]) -> str:
+        passed, option, value = found.groups()
+        if option not in labels:
+            return found[0]
+        verb = "" if passed is None else "Use " if passed == "P" else "use "
+        # capitals stand for a value to be chosen
+        bare = re.sub(r"^[A-Z][A-Z,|]*(?=[.,]?$)", "", value or "")
+        return f"{verb}“{labels[option]}”" + (f" {bare}" if bare.strip(".,") else bare)
+
+    return _PASSED.sub(placed, text)
 
 
 Values = ParamSpec("Values")

@@ -3,9 +3,10 @@
 import os
 from collections.abc import Callable
 
+from pipelines.api.wording import in_fields
 from pipelines.report.inputs import quantity_label
 
-__all__ = ["LANGUAGES", "Say", "capital", "label_of", "says", "users_language"]
+__all__ = ["LANGUAGES", "Say", "label_of", "on_page", "says", "users_language"]
 
 LANGUAGES = {"en": "English", "de": "Deutsch"}
 """Languages by code."""
@@ -428,9 +429,25 @@ def label_of(name: str, language: str) -> str:
     return own or quantity_label(name)
 
 
-def capital(sentence: str) -> str:
-    """The sentence with its first letter as a capital."""
-    return sentence[:1].upper() + sentence[1:]
+_PLACES = {
+    "fps": "fps",
+    "ball": "ball_input",
+    "wall-grid": "wall_grid",
+    "scale": "scale",
+    "setup": "setup_input",
+    "ball-at": "this_ball",
+    "mass-at": "this_mass",
+    "support-height": "support",
+    "camera-distance": "camera_distance",
+    "ball-plane": "ball_plane",
+}
+"""Keys of the fields and buttons that are options of `vision measure`."""
+
+
+def on_page(message: str, say: Say) -> str:
+    """A message as a sentence, with fields and buttons in place of options."""
+    placed = in_fields(message, {option: say(key) for option, key in _PLACES.items()})
+    return placed[:1].upper() + placed[1:]
 
 
 def users_language() -> str:

@@ -14,7 +14,7 @@ from pipelines.app.figures import LARGE_FIGURES, Figure, Standing
 from pipelines.app.pages.frame import ClipFrame, FramePoint, PlacedAt
 from pipelines.app.pages.spans import SpanCard
 from pipelines.app.session import AppSession, ClipSession
-from pipelines.app.words import Say, capital, label_of
+from pipelines.app.words import Say, label_of, on_page
 
 __all__ = ["ClipPage", "copy_card", "standing_text"]
 
@@ -47,7 +47,7 @@ def _ends_of(stick: Stick | None) -> dict[str, tuple[float, float]]:
 
 def standing_text(figure: Figure, say: Say) -> str:
     """How far a number can be trusted, in a sentence."""
-    return say(str(figure.standing), why=figure.why)
+    return say(str(figure.standing), why=on_page(figure.why, say))
 
 
 class ClipPage:
@@ -121,7 +121,7 @@ class ClipPage:
                 )
         if problem:
             note = (
-                ui.label(capital(problem))
+                ui.label(on_page(problem, say))
                 .classes("va-note bad")
                 .props("role=alert data-test=problem")
             )
@@ -212,7 +212,7 @@ class ClipPage:
             for sentence in said:
                 kind = "bad" if sentence in contradictions else "warn"
                 with ui.column().classes(f"va-note {kind} gap-1"):
-                    ui.label(capital(sentence))
+                    ui.label(on_page(sentence, self.say))
                     self._cures(contradictions.get(sentence, ()))
 
     def _cures(self, options: tuple[str, ...]) -> None:
@@ -321,7 +321,7 @@ class ClipPage:
         try:
             self.clip.place_stick(Stick(*self._ends["end0"], *self._ends["end1"], length))
         except UsageError as problem:
-            ui.notify(problem.in_one_line, type="negative")
+            ui.notify(on_page(problem.in_one_line, self.say), type="negative")
 
     def _show_points(self) -> None:
         self._frame.points(

@@ -7,7 +7,7 @@ from nicegui import ui
 
 from pipelines.app.exports import EXPORTS, Export, written
 from pipelines.app.session import ClipSession
-from pipelines.app.words import Say
+from pipelines.app.words import Say, on_page
 from pipelines.web import Jobs
 
 __all__ = ["ExportPage"]
@@ -66,7 +66,7 @@ class ExportPage:
                 ui.spinner(size="sm").props("aria-hidden=true")
                 ui.label(self.say("writing", name=self.jobs.busy)).props("data-test=busy")
         if self.jobs.problem:
-            note = ui.label(self.jobs.problem).classes("va-note bad")
+            note = ui.label(on_page(self.jobs.problem, self.say)).classes("va-note bad")
             note.props("role=alert data-test=problem")
         for path in self.clip.written:
             ui.label(self.say("written", name=path)).classes("va-note").props("data-test=written")

@@ -12,7 +12,7 @@ from nicegui.events import GenericEventArguments
 from metrology import ImpactVisionError
 from pipelines.app.campaign import ClipCard, FolderInputs, FolderSession, FolderState
 from pipelines.app.graphs import COLOURS
-from pipelines.app.words import Say, label_of
+from pipelines.app.words import Say, label_of, on_page
 
 __all__ = ["FolderPage", "cor_options"]
 
@@ -157,7 +157,7 @@ class FolderPage:
         try:
             state = await run.io_bound(self.folder.state)
         except ImpactVisionError as problem:
-            self._say_problem(problem.in_one_line)
+            self._say_problem(on_page(problem.in_one_line, self.say))
         else:
             if state is not None:
                 self._draw(state)
@@ -176,7 +176,7 @@ class FolderPage:
         self._bar.set_value((count["done"] + count["failed"]) / max(total, 1))
         key = "folder_running" if self.folder.running else "folder_counts"
         self._counts.text = self.say(key, **count)
-        self._say_problem(self.folder.problem)
+        self._say_problem(on_page(self.folder.problem, self.say))
         if (state.points, state.law) != self._points:
             self._points = (state.points, state.law)
             self._chart.options.update(cor_options(state, self.say))
@@ -274,7 +274,7 @@ class FolderPage:
         try:
             change()
         except ImpactVisionError as problem:
-            ui.notify(problem.in_one_line, type="negative")
+            ui.notify(on_page(problem.in_one_line, self.say), type="negative")
 
     def _open_named(self, clip: str) -> None:
         known = self._cards.get(clip)

@@ -10,7 +10,7 @@ from nicegui.events import UploadEventArguments
 
 from metrology import ImpactVisionError
 from pipelines.app.openings import Recent, Sample, free_place, place_from, placed_sample, samples
-from pipelines.app.words import Say
+from pipelines.app.words import Say, on_page
 
 __all__ = ["OpenPage"]
 
@@ -102,7 +102,7 @@ class OpenPage:
         try:
             self._opened(place())
         except ImpactVisionError as problem:
-            self._show(problem.in_one_line)
+            self._show(on_page(problem.in_one_line, self.say))
 
     def _show(self, problem: str) -> None:
         self._problem.text = problem
@@ -113,7 +113,7 @@ class OpenPage:
             place = free_place(self._folder, event.file.name)
             await event.file.save(place)
         except ImpactVisionError as problem:
-            self._show(problem.in_one_line)
+            self._show(on_page(problem.in_one_line, self.say))
         except OSError as problem:
             self._show(self.say("not_copied", why=problem.strerror or problem))
         else:

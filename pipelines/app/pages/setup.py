@@ -16,7 +16,7 @@ from pipelines.app.corrections import ClipInputs, Corrections, cure_of
 from pipelines.app.pages.clip import copy_card
 from pipelines.app.pages.frame import ClipFrame, FramePoint
 from pipelines.app.session import ClipSession
-from pipelines.app.words import Say, capital
+from pipelines.app.words import Say, on_page
 from pipelines.calibrate.answers import NOTHING, OPTIONS, Answers, text_of
 from pipelines.calibrate.corners import starting_corners
 from pipelines.calibrate.drawing import RAMP, grid_lines, path_line, shaded_map
@@ -278,12 +278,13 @@ class SetupPage:
     @ui.refreshable_method
     def status(self) -> None:
         """The running job, or why it failed."""
+        say = self.say
         if self.jobs.busy:
             with ui.row().classes("va-card items-center").props("role=status data-test=busy"):
                 ui.spinner(size="sm").props("aria-hidden=true")
                 ui.label(f"{self.jobs.busy} …")
         if self.jobs.problem:
-            note = ui.label(capital(self.jobs.problem)).classes("va-note bad")
+            note = ui.label(on_page(self.jobs.problem, say)).classes("va-note bad")
             note.props("role=alert data-test=problem")
 
     @ui.refreshable_method
@@ -301,7 +302,7 @@ class SetupPage:
                 scaled = session.answers.grid is None and session.answers.inputs.ball is not None
                 problem = say("ball_is_scale") if scaled else found.problem
                 if problem:
-                    ui.label(capital(problem)).classes("va-note warn")
+                    ui.label(on_page(problem, say)).classes("va-note warn")
             else:
                 with ui.element("div").classes("va-figure"), ui.element("b"):
                     ui.label(f"± {_millimetres(found.std)}").props("data-test=std")
@@ -315,7 +316,7 @@ class SetupPage:
                         ui.element("div").classes("va-bar").style(f"width: {part:.0f}%")
             for warning in found.warnings:
                 with ui.column().classes("va-note warn gap-1"):
-                    ui.label(capital(warning))
+                    ui.label(on_page(warning, say))
                     for finding in found.findings:
                         if finding.sentence == warning:
                             self._cures(finding.cures)
@@ -501,7 +502,7 @@ class SetupPage:
             return
         self._show_texts(session.answers)
         for key, note in self._notes.items():
-            note.set_text("\n".join(map(capital, self._noted(key, session))))
+            note.set_text("\n".join(on_page(one, self.say) for one in self._noted(key, session)))
         for part in (self.outlook, self.length, self.legend, self.saved, self.repeats):
             part.refresh()
         self._frame.points(self._points(session.answers))

@@ -14,7 +14,7 @@ from metrology import NoFitError, UsageError
 from metrology.least_squares import fit
 from metrology.quantity import format_value
 from pipelines.app.graphs import Graph
-from pipelines.app.words import Say
+from pipelines.app.words import Say, on_page
 
 __all__ = ["Shape", "SpanCard", "SpanFit", "fit_span", "scatter_rows"]
 
@@ -259,7 +259,7 @@ class SpanCard:
         try:
             self._fitted = fit_span(rows[:, 0], rows[:, 1], Shape(self._shape.value))
         except (UsageError, NoFitError) as problem:
-            self._problem = problem.in_one_line
+            self._problem = on_page(problem.in_one_line, self.say)
         curve = [] if self._fitted is None else self._fitted.curve.tolist()
         ui.run_javascript(f"visionViewer.fitted({number}, {json.dumps(curve)})")
         self.outcome.refresh()

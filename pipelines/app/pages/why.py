@@ -9,7 +9,7 @@ from pipelines.api.measured import Measurement
 from pipelines.app.corrections import ClipInputs, Corrections, options_of
 from pipelines.app.pages.clip import copy_card
 from pipelines.app.session import ClipSession
-from pipelines.app.words import Say
+from pipelines.app.words import Say, on_page
 from pipelines.setup.file import ball_from_option
 from pipelines.terminal import as_typed
 from pipelines.web import Jobs
@@ -111,7 +111,7 @@ class WhyPage:
                 ui.spinner(size="sm").props("aria-hidden=true")
                 ui.label(self.say("explaining")).props("data-test=busy")
         if self.jobs.problem:
-            note = ui.label(self.jobs.problem).classes("va-note bad")
+            note = ui.label(on_page(self.jobs.problem, self.say)).classes("va-note bad")
             note.props("role=alert data-test=problem")
         if found is not None:
             ui.label(found.sentence).props("data-test=sentence").style("font-weight: 650")

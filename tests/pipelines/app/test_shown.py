@@ -9,6 +9,7 @@ import pytest
 from pipelines.app.figures import Standing, figures_of
 from pipelines.app.graphs import MAX_POINTS, graphs_of
 from pipelines.app.marks import MAX_CANDIDATES, marks_of
+from pipelines.app.words import on_page, says
 from pipelines.checker.scene import Finding
 from pipelines.measure.inputs import (
     TIMELESS_UNITS,
@@ -148,3 +149,23 @@ def test_outlines_of_a_moving_camera_are_those_of_the_frames() -> None:
     assert np.allclose(np.subtract(moved["x"], still["x"]), 3.0, atol=0.011)
     assert np.allclose(np.subtract(moved["y"], still["y"]), -2.0, atol=0.011)
     assert marks_of(None)["objects"] == []
+
+
+@pytest.mark.parametrize(
+    ("message", "shown"),
+    [
+        (
+            "estimated from gravity. Pass --fps RATE, or set capture_fps in the setup file.",
+            "Estimated from gravity. Use “Capture rate”, or set capture_fps in the setup file.",
+        ),
+        ("pass --wall-grid 50mm.", "Use “Wall grid” 50mm."),
+        (
+            "point at it with --ball-at X,Y,FRAME.",
+            "Point at it with “This is the ball”.",
+        ),
+        ("check --fps and --ball", "Check “Capture rate” and “Ball or diameter”"),
+        ("pass --drag yes", "Pass --drag yes"),
+    ],
+)
+def test_messages_name_fields_and_buttons_of_the_page(message: str, shown: str) -> None:
+    assert on_page(message, says("en")) == shown
