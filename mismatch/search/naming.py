@@ -380,9 +380,7 @@ def _credible(
     )
 
 
-def _best_by_law(
-    scored: Scan, inflation: float, anywhere: bool = False
-) -> list[tuple[float, int, FloatArray]]:
+def _best_by_law(scored: Scan, anywhere: bool = False) -> list[tuple[float, int, FloatArray]]:
     """Best shape of every law: (penalised, candidate, strengths), best first.
 
     Free swings are scored `anywhere`: far from the answer the sign of an estimate says nothing.
@@ -393,7 +391,7 @@ def _best_by_law(
         known = is_known(candidate.effect)
         if not anywhere and not known and not scored.allowed(index, values):
             continue
-        penalised = gain / inflation - candidate.complexity_penalty
+        penalised = gain - candidate.complexity_penalty
         if candidate.key not in best or penalised > best[candidate.key][0]:
             best[candidate.key] = (penalised, index, values)
     return sorted(best.values(), key=lambda item: -item[0])
@@ -460,7 +458,6 @@ def _other_forms(
     candidates: Sequence[Candidate],
     others: Ranked,
     tried: Sequence[Hypothesis],
-    inflation: float,
 ) -> list[Hypothesis]:
     """Further forms of the laws that compete, refitted.
 
@@ -468,7 +465,7 @@ def _other_forms(
     that it puts first may fit nothing where the plain one fits all.
     """
     lead = max((h.penalised_gain for h in tried if h.allowed), default=-np.inf)
-    reach = max(LAW_REACH, FORM_SHARE * lead) * inflation
+    reach = max(LAW_REACH, FORM_SHARE * lead)
     best = {h.ids[0]: h.penalised_gain for h in tried}
     found = []
     for promised, index, values in others:
@@ -503,7 +500,6 @@ def name_effects(
     base: Fit,
     effects: Sequence[Effect],
     *,
-    inflation: float = 1.0,
     most: int = MAX_EFFECTS,
     unnamed: bool = True,
 ) -> Naming:
@@ -517,8 +513,6 @@ def name_effects(
         The refitted baseline.
     effects : sequence of Effect
         The catalogue, a user's own included.
-    inflation : float
-        What correlated noise inflates chi-square differences by.
     most : int
         Largest set.
     unnamed : bool
@@ -528,58 +522,21 @@ def name_effects(
     -------
     Naming
     """
-    jumps = _with_clocks(forward, base, effects)
-    candidates = candidates_for(forward, base.model, jumps, unnamed=unnamed)
-    first = scan(forward, base, candidates).with_likely_widths()
-    candidates = first.candidates
+    with_clocks = _with_clocks(forward, base, effects)
+    pool = candidates_for(forward, base.model, with_clocks, unnamed=unnamed)
+    first = scan(forward, base, pool).with_likely_widths()
     threshold = null_threshold(first)
-    swinging = forward.mode == "swing"
-    ranked = _best_by_law(first, inflation, swinging)
-    tried: list[Hypothesis] = []
+    ranked = _best_by_law(first, forward.mode == "swing")
     if not ranked or ranked[0][0] < 0.6 * threshold:
         return Naming(None, (), threshold, first)
-    share = -np.inf if swinging else 0.4
-    first_of_each, others = _by_law(ranked, candidates)
-    listed = _shortlist(first_of_each, MAX_SINGLES, share)
-    for _, index, values in _with_a_nameless_one(listed, first_of_each, candidates):
-        tried.append(
-            fit_hypothesis(
-                forward,
-                base,
-                [candidates[index]],
-                [values],
-                rounds=FIRST_STEPS,
-                rival=_ahead(tried),
-            )
-        )
-    tried = _those_that_compete_finished(forward, base, tried)
-    tried += _other_forms(forward, base, candidates, others, tried, inflation)
+    tried = _singles(forward, base, first, ranked)
     best = _best_allowed(forward, tried)
-    if best is None or best.penalised_gain / inflation < least_gain(best, base, threshold):
+    if best is None or best.penalised_gain < least_gain(best, base, threshold):
         return Naming(None, _sorted(tried), threshold, first)
     most = min(most, 2) if _one_throw(forward) else most
     for size in range(2, most + 1):
-        grown = _grow(forward, base, effects, tried, size, threshold * inflation, first)
-        if size == 2:
-            known = [*tried, *grown]
-            grown += _corrected(forward, base, effects, known, threshold * inflation)
-        tried.extend(grown)
-        supported = [
-            h for h in grown if _goes_first(forward, h, best, tried, threshold * inflation)
-        ]
-        if _one_throw(forward):
-            # Two strengths of one throw trade against each other; only a known size may follow.
-            supported = [h for h in supported if is_known(h.members[-1].effect)]
-        larger = _best_allowed(forward, supported)
+        larger, best = _one_more(forward, base, effects, best, tried, size, threshold, first)
         if larger is None:
-            break
-        smaller = _without_each(forward, base, larger) if swinging else []
-        tried.extend(smaller)
-        best = _best_allowed(forward, [best, *smaller]) or best
-        if not _goes_first(forward, larger, best, tried, threshold * inflation):
-            break
-        larger, best = _in_best_forms(forward, base, effects, larger, best, tried)
-        if not _goes_first(forward, larger, best, tried, threshold * inflation):
             break
         best = larger
     steady = _steady(forward, best, tried)
@@ -591,6 +548,56 @@ def name_effects(
     tried.extend(_in_place_of_each(forward, base, effects, best, tried))
     found = Naming(best, _sorted(tried), threshold, first).with_likeliest()
     return _confirmed(forward, base, found)
+
+
+def _singles(forward: Forward, base: Fit, first: Scan, ranked: Ranked) -> list[Hypothesis]:
+    """Laws alone, the best by the linear look, those that compete fitted to their end."""
+    share = -np.inf if forward.mode == "swing" else 0.4
+    first_of_each, others = _by_law(ranked, first.candidates)
+    listed = _shortlist(first_of_each, MAX_SINGLES, share)
+    tried: list[Hypothesis] = []
+    for _, index, values in _with_a_nameless_one(listed, first_of_each, first.candidates):
+        one, ahead = first.candidates[index], _ahead(tried)
+        tried.append(
+            fit_hypothesis(forward, base, [one], [values], rounds=FIRST_STEPS, rival=ahead)
+        )
+    tried = _those_that_compete_finished(forward, base, tried)
+    return tried + _other_forms(forward, base, first.candidates, others, tried)
+
+
+def _one_more(
+    forward: Forward,
+    base: Fit,
+    effects: Sequence[Effect],
+    best: Hypothesis,
+    tried: list[Hypothesis],
+    size: int,
+    threshold: float,
+    first: Scan,
+) -> tuple[Hypothesis | None, Hypothesis]:
+    """A set of some size that goes before the best smaller one, and the best smaller one.
+
+    What is fitted on the way joins those `tried`.
+    """
+    swinging = forward.mode == "swing"
+    grown = _grow(forward, base, effects, tried, size, threshold, first)
+    if size == 2:
+        grown += _corrected(forward, base, effects, [*tried, *grown], threshold)
+    tried.extend(grown)
+    supported = [h for h in grown if _goes_first(forward, h, best, tried, threshold)]
+    if _one_throw(forward):
+        # Two strengths of one throw trade against each other; only a known size may follow.
+        supported = [h for h in supported if is_known(h.members[-1].effect)]
+    larger = _best_allowed(forward, supported)
+    if larger is None:
+        return None, best
+    smaller = _without_each(forward, base, larger) if swinging else []
+    tried.extend(smaller)
+    best = _best_allowed(forward, [best, *smaller]) or best
+    if not _goes_first(forward, larger, best, tried, threshold):
+        return None, best
+    larger, best = _in_best_forms(forward, base, effects, larger, best, tried)
+    return (larger if _goes_first(forward, larger, best, tried, threshold) else None), best
 
 
 OTHER_STARTS = (0.5, 0.0, 1.5)
@@ -698,7 +705,7 @@ def _with_ruler_or_clock(
     scored = scan(forward, best.fit, pool)
     return [
         _extended(forward, base, best, pool[index], values)
-        for _, index, values in _best_by_law(scored, 1.0)
+        for _, index, values in _best_by_law(scored)
     ]
 
 
@@ -835,13 +842,13 @@ def _grow(
         pool = tuple(c for c in pool if c.key not in keys and c.id not in ids)
         laws = [member.effect for member in seed.members]
         scored = scan_beyond_forms(forward, seed.fit, laws, seed.form.size, pool)
-        ranked = _best_by_law(scored, 1.0, forward.mode == "swing")
+        ranked = _best_by_law(scored, forward.mode == "swing")
         strained = number == 0 and seed.form.gain > threshold
         if strained and not _worth_a_fit(forward, seed, pool, ranked, threshold):
             # What errors of form take up at that size may as well be a law of its own: both are
             # fitted, and their evidence tells.
             exact = scan(forward, seed.fit, pool)
-            ranked = _best_by_law(exact, 1.0, forward.mode == "swing")
+            ranked = _best_by_law(exact, forward.mode == "swing")
         known = _known_that_show(forward, seed, pool)
         if known:
             ranked = [*known, *ranked]
@@ -880,7 +887,7 @@ def _two_instead(first: Scan, best: Hypothesis) -> list[tuple[list[Candidate], l
     One law may do by chance what two did. The look is the linear one around the baseline.
     """
     leading = [
-        (gain, at) for gain, at, _ in _by_law(_best_by_law(first, 1.0), first.candidates)[0]
+        (gain, at) for gain, at, _ in _by_law(_best_by_law(first), first.candidates)[0]
         if first.candidates[at].id != EffectId.UNNAMED
     ]  # fmt: skip
     own = max((gain for gain, at in leading if first.candidates[at].id in best.ids), default=np.inf)
@@ -943,7 +950,7 @@ def _corrected(
         if seed.penalised_gain < SEED_SHARE * alone[0].penalised_gain:
             continue
         pool = candidates_for(forward, seed.fit.model, stated, unnamed=False)
-        ranked = _best_by_law(scan(forward, seed.fit, pool), 1.0)
+        ranked = _best_by_law(scan(forward, seed.fit, pool))
         for _, index, values in ranked[:1]:
             new = frozenset({seed.members[0].key, pool[index].key}) not in done
             if new and _worth_a_fit(forward, seed, pool, ranked[:1], threshold):
@@ -994,7 +1001,7 @@ def _in_place_of_each(
         )
         laws = [member.effect for member in rest.members]
         scored = scan_beyond_forms(forward, rest.fit, laws, rest.form.size, pool)
-        ranked = _best_by_law(scored, 1.0)
+        ranked = _best_by_law(scored)
         own = max((gain for gain, at, _ in ranked if pool[at].id == left_out.id), default=np.inf)
         least = own - max(LAW_REACH, FORM_SHARE * abs(own))
         keys = frozenset(member.key for member in rest.members)
@@ -1082,7 +1089,7 @@ def _known_that_show(
     scored = scan(forward, seed.fit, [pool[place] for place in places])
     return [
         (penalised, places[index], values)
-        for penalised, index, values in _best_by_law(scored, 1.0)
+        for penalised, index, values in _best_by_law(scored)
         if _shows(scored, index, seed.reduced_chi2)
     ]
 
