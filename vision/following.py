@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from metrology import NotFoundError
 from metrology.kept import KeptResults
 from vision.ball.appearance import extended_by_appearance
-from vision.ball.ball import BallFits, follow_ball, outlines_near, trusted_rows
+from vision.ball.ball import NEAR_RADII, BallFits, follow_ball, outlines_near, trusted_rows
 from vision.ball.path import BallPath
 from vision.ball.refine import refine_ball
 from vision.clip.footage import Footage
@@ -47,9 +47,6 @@ Point = tuple[float, float] | tuple[float, float, int]
 
 _MAX_BREAKS = 3
 """Times that a clip is followed anew where it lacks frames, the last for one side of them alone."""
-
-_NEAR_RADII = 0.3
-"""Radii within which two fits are of one object. Derived: a centre found by votes is that good."""
 
 
 def follow(
@@ -274,7 +271,7 @@ def _agreement(scene: FilmedScene, path: BallPath) -> float:
     frame, guess = path.frame[rows], path.centre_px[rows]
     fits = outlines_near(scene, path.radius, frame, guess)
     away = np.hypot(*(fits.centre - guess).T)
-    return float(np.mean(fits.found & (away < _NEAR_RADII * path.radius_px[rows] + 1.0)))
+    return float(np.mean(fits.found & (away < NEAR_RADII * path.radius_px[rows] + 1.0)))
 
 
 _UNCOVERED_FRAMES = 21
@@ -425,7 +422,7 @@ def _still_until(rest: Rest, fits: BallFits) -> tuple[int, int]:
     """First and last frame of rest; beside the mass only fits that know of it tell how long."""
     radius = float(np.median(fits.radius))
     finer = find_rest(fits.frame, fits.centre, radius)
-    if finer is None or np.hypot(*(finer.centre_px - rest.centre_px)) > _NEAR_RADII * radius:
+    if finer is None or np.hypot(*(finer.centre_px - rest.centre_px)) > NEAR_RADII * radius:
         return rest.first, rest.last
     return rest.first, finer.last
 

@@ -32,6 +32,7 @@ from vision.scene import FilmedScene
 
 __all__ = [
     "LEAST_CONTRAST",
+    "NEAR_RADII",
     "SMALL_RADIUS",
     "BallFits",
     "expected_places",
@@ -532,7 +533,24 @@ def follow_ball(scene: FilmedScene, path: BallPath) -> BallFits:
     # Ends that were fitted in the wrong place, and led nowhere, stand right by now.
     further = _reached(scene, search, found)
     found = further if len(further) > len(found) else found
-    return _Smears(scene, path, found).filled()
+    return _Smears(scene, path, _as_looked(path, found)).filled()
+
+
+NEAR_RADII = 0.3
+"""Radii within which two fits are of one object. Derived: a centre found by votes is that good."""
+
+
+def _as_looked(path: BallPath, found: BallFits) -> BallFits:
+    """Leave out outlines of frames in which the ball was looked at in another place.
+
+    Where the ball hides the scene behind it nearly always, an outline may settle on the edge
+    between what is known of the scene and what is not.
+    """
+    looked = np.isin(found.frame, path.frame)
+    look = path.centre_px[np.searchsorted(path.frame, found.frame[looked])]
+    away = np.hypot(*(found.centre[looked] - look).T)
+    looked[looked] = away > NEAR_RADII * path.radius + 1.0
+    return found.at(~looked)
 
 
 def outlines_near(

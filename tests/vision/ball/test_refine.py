@@ -179,6 +179,23 @@ def test_along_a_path_where_nothing_is_nothing_is_found() -> None:
     assert len(follow_ball(filmed, path)) == 0
 
 
+def test_an_outline_beside_the_place_looked_at_is_not_the_balls() -> None:
+    radius, count = 20.0, 30
+    places = np.column_stack([40.0 + 9.0 * np.arange(count), np.full(count, 60.0)])
+    pictures = [exposed(wall(120, 400), 1.0, seed) for seed in range(12)]
+    for index, (x, y) in enumerate(places):
+        seen = with_ball(wall(120, 400), (float(x), float(y)), radius)
+        pictures.append(exposed(seen, 1.0, 20 + index))
+    filmed = FilmedScene(Footage(PaintedClip(pictures)))  # type: ignore[arg-type]
+    frame = 12 + np.arange(count)
+    size = np.full(count, radius)
+    assert len(follow_ball(filmed, BallPath(frame, places, size))) == count
+    # another ball, half a radius above it and alike, hides it from some frame on
+    looked = places + np.outer(np.arange(count) >= 20, [0.0, 0.5 * radius])
+    found = follow_ball(filmed, BallPath(frame, looked, size))
+    assert np.array_equal(found.frame, frame[:20])
+
+
 def test_frames_missed_beside_the_mass_are_fitted_once_the_mass_is_known() -> None:
     clip, centres, angles = struck_ball(80)
     frame = np.setdiff1d(np.arange(80), [36, 37, 38])
