@@ -31,7 +31,6 @@ from pipelines.measure.flight_fit import FlightFit, SwingFit
 from pipelines.measure.impact import (
     Impact,
     ImpactView,
-    arm_along_bar,
     find_impact,
     moved_impact,
     touch_times,
@@ -41,6 +40,7 @@ from pipelines.measure.metres import (
     AssumedLens,
     BallScale,
     MetricTracks,
+    arm_along_bar,
     assumed_lens,
     ball_scale,
 )

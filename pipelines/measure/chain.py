@@ -70,7 +70,7 @@ from pipelines.measure.results import (
     results_of,
 )
 from pipelines.report import CheckKind
-from pipelines.setup.file import Setup
+from pipelines.setup.file import Origin, Setup
 from vision.clip.clip import ClipReader
 from vision.clip.footage import CaptureRate, RateSource, choose_capture_rate
 from vision.clip.picture import ClipInfo
@@ -835,8 +835,13 @@ def _evaluate(
 
 
 def _in_metres(scene: ClipConditions, times: FloatArray, tracks: Tracks) -> MetricTracks:
-    if scene.calibration is not None:
-        mapping = CameraMapping(scene.calibration)
-        return tracks_in_metres(tracks, mapping, times, scene.zero_rad, scene.pivot_px)
-    scale = scene.plane_of_ball(tracks)
-    return tracks_in_metres(tracks, scale, times, scene.zero_rad, scene.pivot_px)
+    mapping = (
+        scene.plane_of_ball(tracks)
+        if scene.calibration is None
+        else CameraMapping(scene.calibration)
+    )
+    length = scene.inputs.rig.length
+    known = None
+    if length.value_from is not Origin.PRESET:
+        known = scene.inputs.pendulum.length, length.relative_std
+    return tracks_in_metres(tracks, mapping, times, scene.zero_rad, scene.pivot_px, known)

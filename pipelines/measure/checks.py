@@ -16,12 +16,11 @@ from metrology.quantity import format_value
 from physics.bodies import Pendulum
 from pipelines.measure.flight_fit import SLOW_OVER_RANDOM, FlightFit
 from pipelines.measure.inputs import Inputs, QuantityName
-from pipelines.measure.metres import MetricTracks
+from pipelines.measure.metres import ARM_RELATIVE_STD, MetricTracks
 from pipelines.report import Check, CheckKind, CheckOutcome
 from pipelines.setup.file import Origin
 
 __all__ = [
-    "ARM_RELATIVE_STD",
     "CONTACT",
     "COR",
     "FLIGHT",
@@ -396,9 +395,6 @@ def size_at_scale(observed_m: float, relative_std: float, given_m: float, advice
     outcome = CheckOutcome.PASSED if power >= MIN_CHECK_POWER else CheckOutcome.UNDECIDED
     return Check(CheckKind.BALL_SIZE, outcome, text, power)
 
-
-ARM_RELATIVE_STD = 0.05
-"""Relative std of the observed arm in the ball plane (fitted: path-traced scenes)."""
 
 RELEVANT_ARM_FRACTION = 0.2
 """Smallest relevant relative difference in length (chosen: 20 % of length is 50 % of inertia)."""

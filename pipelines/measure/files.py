@@ -14,9 +14,10 @@ from rich.table import Table
 
 from metrology import Quantity, UsageError, write_each, write_text_whole
 from metrology.files import printable
-from pipelines.measure.impact import Impact, arm_along_bar, gap_after, gap_before
+from pipelines.measure.impact import Impact, gap_after, gap_before
 from pipelines.measure.inputs import QuantityName, kinds_of, main_quantities
 from pipelines.measure.measurement import ClipMeasurement, alternative_kinds
+from pipelines.measure.metres import arm_along_bar
 from pipelines.measure.results import MAX_LANDING_GAP_S
 from pipelines.report import (
     Curve,

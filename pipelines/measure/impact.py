@@ -14,15 +14,13 @@ from dataclasses import dataclass, replace
 from enum import Enum, auto
 from functools import cache, lru_cache
 from importlib import resources
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from metrology import MeasurementError, NoFitError, NotFoundError
 from physics import bodies
 from physics.contact import damping_for_cor
-from pipelines.measure.checks import ARM_RELATIVE_STD
 from pipelines.measure.flight_fit import (
     MAX_CONTACT_S,
     FlightFit,
@@ -36,7 +34,12 @@ from pipelines.measure.flight_fit import (
     landing_seen,
 )
 from pipelines.measure.inputs import Inputs
-from pipelines.measure.metres import MetricTracks
+from pipelines.measure.metres import (
+    ARM_RELATIVE_STD,
+    MAX_ESTIMATE_DIFFERENCE,
+    MetricTracks,
+    arm_along_bar,
+)
 from pipelines.setup.file import Origin
 from vision.tracks import FollowedObject, Track, Tracks
 
@@ -46,7 +49,6 @@ __all__ = [
     "ContactFit",
     "Impact",
     "ImpactView",
-    "arm_along_bar",
     "departure",
     "disc_contact",
     "face_speeds",
@@ -649,11 +651,6 @@ def _face_speeds(
     return approach, parting
 
 
-def arm_along_bar(arm: FloatArray, phi: ArrayLike) -> Any:
-    """Distance from the pivot to the point of contact (2,) or (2, L), along the bar, m."""
-    return arm[0] * np.sin(phi) - arm[1] * np.cos(phi)
-
-
 def _crossings(time_s: FloatArray, gap: FloatArray) -> FloatArray:
     """First downward zero crossing of gaps (L, T), from a local cubic, s; NaN if there is none."""
     falls = (gap[:, :-1] > 0) & (gap[:, 1:] <= 0)
@@ -811,9 +808,6 @@ _MAX_ARM_DIFFERENCE = 0.1
 """Relative difference of arm lengths beyond which it is another apparatus (chosen; in path-traced
 scenes the rms error of the arm is 0.05 where the ball gives the scale)."""
 
-_MAX_ESTIMATE_DIFFERENCE = 3.0
-"""Standard deviations between two estimates beyond which one of them is wrong (convention)."""
-
 PIVOT_STD_FRACTION = 0.15
 """Std of the pivot over half the thickness of the mass (chosen): the swing turns its sides to the
 camera, which moves the centre of the arc."""
@@ -895,7 +889,7 @@ def offset_of_face(
         evidence = FaceEvidence.COMBINED
         if angle.value_from is Origin.PRESET and not _arm_as_presets(arm, phi):
             evidence = FaceEvidence.OBSERVED
-        elif abs(seen - from_angle) > _MAX_ESTIMATE_DIFFERENCE * math.hypot(
+        elif abs(seen - from_angle) > MAX_ESTIMATE_DIFFERENCE * math.hypot(
             seen_std, from_angle_std
         ):
             evidence = FaceEvidence.ALTERNATIVES
@@ -1422,7 +1416,7 @@ def _at_given_length(
     if length.value_from is Origin.PRESET or seen <= 0.0:
         return pivot
     apart, given_std = math.log(inputs.pendulum.length / seen), max(length.relative_std, 1e-4)
-    if abs(apart) > _MAX_ESTIMATE_DIFFERENCE * math.hypot(ARM_RELATIVE_STD, given_std):
+    if abs(apart) > MAX_ESTIMATE_DIFFERENCE * math.hypot(ARM_RELATIVE_STD, given_std):
         return pivot
     weight = ARM_RELATIVE_STD**2 / (ARM_RELATIVE_STD**2 + given_std**2)
     further = seen * math.expm1(weight * apart)

@@ -2,10 +2,10 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from calib.calibration import (
     RADIUS_COMMON_OVER_RANDOM,
@@ -26,11 +26,14 @@ from vision.ball.refine import MODEL_STD_PX
 from vision.tracks import PendulumTrack, Track, Tracks
 
 __all__ = [
+    "ARM_RELATIVE_STD",
+    "MAX_ESTIMATE_DIFFERENCE",
     "SLANT_STD",
     "AssumedLens",
     "BallScale",
     "CameraMapping",
     "MetricTracks",
+    "arm_along_bar",
     "assumed_lens",
     "ball_scale",
     "calibrate_clip",
@@ -56,6 +59,12 @@ frames state 0.08)."""
 MAX_BEND_FRACTION = 0.003
 """Of the length: maximum bend of a straight line (chosen: lines bent more are not mapped by the
 pinhole scale)."""
+
+ARM_RELATIVE_STD = 0.05
+"""Relative std of the observed arm in the ball plane (fitted: path-traced scenes)."""
+
+MAX_ESTIMATE_DIFFERENCE = 3.0
+"""Standard deviations between two estimates beyond which one of them is wrong (convention)."""
 
 SLANT_STD = 0.03
 """Std of the slope of the line of sight to the face, with a calibrated camera (chosen)."""
@@ -382,6 +391,7 @@ def tracks_in_metres(
     time_s: FloatArray,
     zero_rad: float = 0.0,
     pivot_moved_px: tuple[float, float] = (0.0, 0.0),
+    length: tuple[float, float] | None = None,
 ) -> MetricTracks:
     """Map tracks to the ball plane.
 
@@ -397,6 +407,8 @@ def tracks_in_metres(
         Added to all angles of the pendulum, rad.
     pivot_moved_px : (2,) tuple of float
         Added to the pivot in the picture.
+    length : (2,) tuple of float, optional
+        Given distance of the point of contact from the pivot, m, and its relative std.
 
     Raises
     ------
@@ -425,9 +437,14 @@ def tracks_in_metres(
         )
     std = np.sqrt(np.diagonal(covariance[still], axis1=1, axis2=2)).mean(axis=0)
     residual_std = position[still].std(axis=0) if still.sum() > 3 else std
-    swing = _swing(tracks.pendulum, mapping, direction, zero_rad, np.array(pivot_moved_px))
     pendulum = tracks.pendulum
     rest = np.median(position[still], axis=0)
+    moved = np.array(pivot_moved_px)
+    swing = _swing(pendulum, mapping, direction, zero_rad, moved)
+    if pendulum is not None and length is not None:
+        # what the picture leaves open of the pivot, the given length and the angles say together
+        further = _to_length(swing, pendulum, rest * flip, tracks.rest_frames[1], length)
+        swing = _swing(pendulum, mapping, direction, zero_rad, moved, further)
     radius = mapping.across(ball.centre_px, ball.radius_px)
     scale = radius / float(np.median(ball.radius_px))
     eye = mapping.eye()
@@ -558,6 +575,7 @@ def _swing(
     direction: float,
     zero_rad: float,
     pivot_moved_px: FloatArray,
+    further_m: FloatArray | float = 0.0,
 ) -> _SwingInMetres:
     if pendulum is None:
         return _SwingInMetres(None, 0.0, np.zeros(0), np.zeros(0), (0.0, 1.0), (0.0, math.inf))
@@ -568,7 +586,7 @@ def _swing(
     if _bends(mapping, pendulum.pivot_px, pendulum.track.centre_px):
         # a lens that bends lines distorts the arc: its centre is fitted in metres
         pivot = centre_of_arc(mass)
-    pivot = pivot + moved
+    pivot = pivot + moved + further_m
     arm = mass - pivot
     angle = np.arctan2(arm[:, 0], -arm[:, 1]) + zero_rad
     length = float(np.median(np.hypot(*arm.T)))
@@ -591,6 +609,40 @@ def _swing(
         ahead_of_line(face.edge_px, face.edge_std_px),
         ahead_of_line(face.middle_px, face.middle_std_px),
     )
+
+
+def arm_along_bar(arm: FloatArray, phi: ArrayLike) -> Any:
+    """Distance from the pivot to the point of contact (2,) or (2, L), along the bar, m."""
+    return arm[0] * np.sin(phi) - arm[1] * np.cos(phi)
+
+
+def _to_length(
+    swing: _SwingInMetres,
+    pendulum: PendulumTrack,
+    rest: FloatArray,
+    frame: int,
+    length: tuple[float, float],
+) -> FloatArray:
+    """Displacement (2,) of the pivot along the bar at contact to the given length, m.
+
+    A short arc determines its radius poorly, and angles with it. The pivot takes that part of the
+    difference which its own uncertainty has in that of the arm; the scale has the other. A length
+    that contradicts the observed one is left to the check.
+    """
+    assert swing.pivot is not None
+    place = int(np.argmin(np.abs(pendulum.track.frame - frame)))
+    phi = float(swing.angle[place])
+    seen = float(arm_along_bar(rest - swing.pivot, phi))
+    if seen <= 0.0:
+        return np.zeros(2)
+    arm = pendulum.track.centre_px[place] - pendulum.pivot_px
+    variance = float(arm @ pendulum.pivot_covariance_px2 @ arm) / float(arm @ arm) ** 2
+    total = variance + ARM_RELATIVE_STD**2 + length[1] ** 2
+    apart = math.log(length[0] / seen)
+    if abs(apart) > MAX_ESTIMATE_DIFFERENCE * math.sqrt(total):
+        return np.zeros(2)
+    further = seen * math.expm1(variance / total * apart)
+    return -further * np.array([math.sin(phi), -math.cos(phi)])
 
 
 def _bends(mapping: PlaneMapping, pivot_px: FloatArray, mass_px: FloatArray) -> bool:

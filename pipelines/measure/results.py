@@ -49,12 +49,11 @@ from pipelines.measure.gravity import (
 from pipelines.measure.impact import (
     UNSEEN_HALF_CONTACT_STD_S,
     Impact,
-    arm_along_bar,
     disc_contact,
     pivot_in_plane,
 )
 from pipelines.measure.inputs import QUANTITY_UNITS, Inputs, QuantityName, kinds_of
-from pipelines.measure.metres import MetricTracks, radius_relative_std
+from pipelines.measure.metres import MetricTracks, arm_along_bar, radius_relative_std
 from pipelines.measure.motions import MotionResults
 from pipelines.report import Check, CheckKind, CheckOutcome
 from vision.tracks import MotionKind, Tracks

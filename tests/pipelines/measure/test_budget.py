@@ -24,7 +24,13 @@ from pipelines.measure.budget import (
 from pipelines.measure.flight_fit import FlightPriors, fit_flight
 from pipelines.measure.impact import find_impact
 from pipelines.measure.inputs import gather_inputs
-from pipelines.measure.metres import BallScale, MetricTracks, radius_relative_std, tracks_in_metres
+from pipelines.measure.metres import (
+    BallScale,
+    MetricTracks,
+    arm_along_bar,
+    radius_relative_std,
+    tracks_in_metres,
+)
 from pipelines.setup.file import Setup
 from tests.pipelines.measure.ideal_tracks import Noise, ideal_tracks, known_stroke
 from vision.clip.footage import CaptureRate
@@ -203,6 +209,23 @@ def test_turning_the_zero_of_the_angles_leaves_the_face_where_it_is_seen() -> No
 
     assert face(usual) == pytest.approx(0.0, abs=1e-9)
     assert face(turned) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("std_px", [0.1, 60.0])
+def test_a_pivot_left_open_by_the_picture_is_where_the_given_length_has_it(std_px: float) -> None:
+    tracks, scale = a_swing(), BallScale(1e-3, np.array([140.0, 120.0]), np.zeros(2), 0.0, 0.0)
+    swing = tracks.pendulum
+    assert swing is not None
+    # as far as it was found from where the mass turns: 15 px along the bar at contact
+    off = replace(
+        swing, pivot_px=swing.pivot_px - [0.0, 15.0], pivot_covariance_px2=std_px**2 * np.eye(2)
+    )
+    times = np.arange(60) / 600.0
+    true = tracks_in_metres(tracks, scale, times)
+    length = float(arm_along_bar(true.rest_m - true.pivot_m, true.swing_rad[29])), 0.002
+    found = tracks_in_metres(replace(tracks, pendulum=off), scale, times, length=length)
+    turned = np.ptp(found.swing_rad) / np.ptp(true.swing_rad)
+    assert turned == pytest.approx(1.0 if std_px > 10.0 else 100.0 / 115.0, abs=0.02)
 
 
 def test_the_zero_of_the_angles_is_a_source_of_the_back_swing() -> None:
