@@ -353,6 +353,9 @@ BallAtOption = Annotated[
 MassAtOption = Annotated[
     str | None, typer.Option("--mass-at", metavar="X,Y[,FRAME]", help="A point on the mass, px.")
 ]
+PivotAtOption = Annotated[
+    str | None, typer.Option("--pivot-at", metavar="X,Y", help="The pendulum's pivot, px.")
+]
 KindOption = Annotated[
     str | None,
     typer.Option("--kind", metavar="KIND", help="Kind of motion, if the one found is wrong."),

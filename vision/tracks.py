@@ -303,6 +303,8 @@ class PendulumTrack:
     zero_std_rad : float
         Standard uncertainty common to all angles, rad: from the position of the pivot, and from
         the offset of the tracked point from the arm.
+    pivot_given : bool
+        Whether a person stated the pivot.
     """
 
     track: Track
@@ -313,6 +315,21 @@ class PendulumTrack:
     arm_px: float
     face: Face
     zero_std_rad: float = 0.0
+    pivot_given: bool = False
+
+    def about(self, pivot_px: FloatArray, std_px: float) -> Self:
+        """The same track about a pivot (2,) that a person stated, px."""
+        offset = self.track.centre_px - pivot_px
+        before = self.track.centre_px[:, 0] - self.pivot_px[0]
+        sign = -1.0 if before @ np.sin(self.angle_rad) < 0.0 else 1.0
+        return replace(
+            self,
+            angle_rad=np.unwrap(np.arctan2(sign * offset[:, 0], offset[:, 1])),
+            pivot_px=pivot_px,
+            pivot_covariance_px2=std_px**2 * np.eye(2),
+            arm_px=float(np.hypot(*offset.T).mean()),
+            pivot_given=True,
+        )
 
     def in_clip(self, place: PlaceInClip) -> Self:
         """The same track with the clip's frame numbers."""

@@ -289,6 +289,7 @@ def measure(
     every: int = 1,
     kind: str | None = None,
     tracklets: object = None,
+    pivot_at: tuple[float, float] | str | None = None,
 ) -> Measurement:
     """Measure one clip.
 
@@ -317,6 +318,8 @@ def measure(
         The kind of motion ("drop", "swing", …), where the one found is wrong.
     tracklets : DataFrame or path, optional
         `Measurement.tracklets`, corrected: the rows with 1 in the column `measured` are followed.
+    pivot_at : (x, y), optional
+        The pendulum's pivot, px, where the fitted one is wrong.
 
     Returns
     -------
@@ -344,6 +347,7 @@ def measure(
         scale=scale,
         every=every,
         kind=kind,
+        pivot_at=pivot_at,
     )
     if tracklets is not None:
         options = replace(options, corrected=_corrected(tracklets))

@@ -152,12 +152,15 @@ class Corrections:
         On the pendulum's mass.
     stick : Stick or None
         Takes the place of a typed scale.
+    pivot : (x, y) or None
+        Takes the place of the fitted pivot, px.
     """
 
     inputs: ClipInputs = field(default_factory=ClipInputs)
     ball: tuple[ObjectMark, ...] = ()
     mass: ObjectMark | None = None
     stick: Stick | None = None
+    pivot: tuple[float, float] | None = None
 
     def with_ball(self, mark: ObjectMark) -> "Corrections":
         """With a mark on the ball, which replaces an earlier one in the same frame."""
@@ -241,7 +244,7 @@ def read_corrections(path: Path) -> Corrections:
         return Corrections()
     name = shown_path(path)
     document = parse_toml(read_small_text(path, what="the corrections"), name)
-    unknown = document.keys() - {"inputs", "ball", "mass", "stick"}
+    unknown = document.keys() - {"inputs", "ball", "mass", "stick", "pivot"}
     known = {one.name for one in fields(ClipInputs)}
     inputs = document.get("inputs", {})
     if not isinstance(inputs, dict):
@@ -260,6 +263,15 @@ def read_corrections(path: Path) -> Corrections:
         marks,
         None if mass is None else _mark(name, "[mass]", mass),
         _stick(name, document["stick"]) if "stick" in document else None,
+        _pivot(name, document["pivot"]) if "pivot" in document else None,
+    )
+
+
+def _pivot(name: str, held: Any) -> tuple[float, float]:
+    if not isinstance(held, dict) or held.keys() != {"x_px", "y_px"}:
+        raise _wrong(name, "[pivot] needs x_px and y_px")
+    return _pixels(name, "[pivot]", "x_px", held["x_px"]), _pixels(
+        name, "[pivot]", "y_px", held["y_px"]
     )
 
 
@@ -323,6 +335,8 @@ def write_corrections(path: Path, corrections: Corrections) -> None:
         document["mass"] = table(corrections.mass)
     if corrections.stick is not None:
         document["stick"] = asdict(corrections.stick)
+    if corrections.pivot is not None:
+        document["pivot"] = dict(zip(("x_px", "y_px"), corrections.pivot, strict=True))
     document["ball"] = [table(mark) for mark in corrections.ball]
     text = "# Written by vision app. Positions in px, frames count from 0.\n"
     write_text_whole(path, text + tomli_w.dumps(document))
@@ -398,6 +412,8 @@ def _given(corrections: Corrections, corrected: bool) -> dict[str, str]:
         points["ball_at"] = _point(corrections.ball[-1])
     if corrections.mass is not None:
         points["mass_at"] = _point(corrections.mass)
+    if corrections.pivot is not None:
+        points["pivot_at"] = "{:g},{:g}".format(*corrections.pivot)
     return points
 
 

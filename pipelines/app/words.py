@@ -53,6 +53,7 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "ends": ("motion ends", "Bewegung endet"),
     "this_ball": ("This is the ball", "Das ist der Ball"),
     "this_mass": ("This is the pendulum", "Das ist das Pendel"),
+    "pivot": ("Pivot", "Drehachse"),
     "stick": ("Calibration stick", "Maßstab im Bild"),
     "stick_length": ("Its length", "Seine Länge"),
     "stick_needs_length": (
@@ -437,6 +438,7 @@ _PLACES = {
     "setup": "setup_input",
     "ball-at": "this_ball",
     "mass-at": "this_mass",
+    "pivot-at": "pivot",
     "support-height": "support",
     "camera-distance": "camera_distance",
     "ball-plane": "ball_plane",

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from calib.calibration import Calibration, ContradictionError
 from calib.grid import WallGrid
 from calib.solve import LOG_FOCAL_STD, Solved
-from metrology import CalibrationError, MeasurementError, UncertaintySource
+from metrology import CalibrationError, MeasurementError, UncertaintySource, UsageError
 from metrology.compiled import with_stack_space
 from metrology.kept import KeptResults
 from pipelines.cache import Cache, clip_digest
@@ -203,8 +203,8 @@ class MeasureOptions:
     `scale_m_per_px` is a scale in the plane of motion with its standard uncertainty, m/px; with it
     the wall is not calibrated. `joint_rate` is used where no rate is given. `wanted` names the
     quantities to evaluate, with everything their uncertainties and checks need; None: all. Of
-    `every` n pictures one is read. `corrected` takes the place of what is found in the clip, `kind`
-    that of the most probable kind of motion.
+    `every` n pictures one is read. `pivot_at` takes the place of the fitted pivot (px), `corrected`
+    that of what is found in the clip, `kind` that of the most probable kind of motion.
     """
 
     setup: Setup = field(default_factory=Setup)
@@ -214,6 +214,7 @@ class MeasureOptions:
     wall_grid: str | None = None
     ball_at: Point | None = None
     mass_at: Point | None = None
+    pivot_at: tuple[float, float] | None = None
     budget: Propagation = Propagation.RESPONSE
     scale_m_per_px: tuple[float, float] | None = None
     joint_rate: CaptureRate | None = None
@@ -361,10 +362,35 @@ def measure_clip(
     seen = tracked_once(clip, rate.fps, options, follow_it)
     if not rate.known and options.joint_rate is not None:
         rate = options.joint_rate
-    followed = FollowedClip(seen.tracks, seen.clock, rate, inputs, options.scale_m_per_px)
+    tracks = seen.tracks if options.pivot_at is None else _about(seen.tracks, options.pivot_at)
+    followed = FollowedClip(tracks, seen.clock, rate, inputs, options.scale_m_per_px)
     fitted = fitted_once(clip, options, lambda: fit_tracks(followed, report, kept))
     found = quantities_of(fitted, report, options.budget, options.wanted)
     return measurement_of(seen.info, followed, found, seen.warnings)
+
+
+PIVOT_STD_PX = 1.0
+"""Std of a stated pivot, px (chosen: as well as a point is seen and placed by hand)."""
+
+_MIN_ARM_RADII = 2.0
+"""Distance of the pivot from the mass, radii of it (chosen: what is nearer is the mass)."""
+
+
+def _about(tracks: Tracks, pivot_at: tuple[float, float]) -> Tracks:
+    """Tracks with the stated pivot."""
+    pendulum, shown = tracks.pendulum, f"--pivot-at {pivot_at[0]:g},{pivot_at[1]:g}"
+    if pendulum is None:
+        raise UsageError(
+            f"{shown} is given, but no pendulum was tracked",
+            hint="Point at its mass with --mass-at X,Y, or leave the pivot out.",
+        )
+    arm = np.hypot(*(pendulum.track.centre_px - pivot_at).T)
+    if arm.min() < _MIN_ARM_RADII * float(np.median(pendulum.track.radius_px)):
+        raise UsageError(
+            f"{shown} is on the path of the pendulum's mass",
+            hint="Give the point about which it turns; it may be outside the frame.",
+        )
+    return replace(tracks, pendulum=pendulum.about(np.array(pivot_at), PIVOT_STD_PX))
 
 
 def _opened(path: Path, every: int, kept: KeptResults | None) -> ClipReader:

@@ -53,6 +53,7 @@ from pipelines.doors import (
     NoCacheOption,
     OutOption,
     OverlayOption,
+    PivotAtOption,
     PlotOption,
     QuietOption,
     ReportOption,
@@ -416,6 +417,7 @@ def measure_command(
     wall_grid: GridOption = None,
     ball_at: BallAtOption = None,
     mass_at: MassAtOption = None,
+    pivot_at: PivotAtOption = None,
     kind: KindOption = None,
     csv: CsvOption = None,
     json: JsonOption = None,
@@ -460,7 +462,8 @@ def measure_command(
         )
     if out is not None:
         option_texts = [
-            str(word) for word in (fps, ball, wall_grid, ball_at, mass_at, kind, *_asked(wanted))
+            str(word)
+            for word in (fps, ball, wall_grid, ball_at, mass_at, pivot_at, kind, *_asked(wanted))
         ]
         option_texts += ["" if scale is None else scale, str(budget), str(every)]
         option_texts.append("" if setup is None else setup.read_text(encoding="utf-8"))
@@ -481,7 +484,7 @@ def _begin(given: Mapping[str, Any]) -> tuple[WantedFiles, MeasureOptions]:
     named = {one.name for one in fields(WantedFiles)}
     wanted = WantedFiles(**{name: value for name, value in given.items() if name in named})
     how = ("setup", "fps", "ball", "wall_grid", "ball_at", "mass_at", "scale", "budget", "every")
-    chosen = {name: given[name] for name in (*how, "kind")}
+    chosen = {name: given[name] for name in (*how, "kind", "pivot_at")}
     return wanted, measure_options(**chosen, cache=not given["no_cache"])
 
 
@@ -496,6 +499,7 @@ def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # t
         wall_grid: GridOption = None,
         ball_at: BallAtOption = None,
         mass_at: MassAtOption = None,
+        pivot_at: PivotAtOption = None,
         kind: KindOption = None,
         csv: CsvOption = None,
         json: JsonOption = None,

@@ -6,6 +6,7 @@ from functools import partial
 from html import escape
 from typing import Any
 
+import numpy as np
 from nicegui import ui
 
 from metrology import UsageError
@@ -33,6 +34,9 @@ _INPUTS = (
 KINDS = ("strike", "flight", "drop", "bounce", "swing", "collision")
 """Kinds of motion of which quantities are measured."""
 
+
+_POINTED = (("ball", "this_ball"), ("mass", "this_mass"), ("pivot", "pivot"), ("end0", "stick"))
+"""What can be pointed at, and the keys of the buttons."""
 
 _ENDS = ("end0", "end1")
 _OBJECTS = ("ball", "mass")
@@ -96,7 +100,7 @@ class ClipPage:
         with ui.column().classes("va-card"):
             self._frame.build()
             with ui.row().classes("items-center gap-2 va-hidden-in-print"):
-                for mode, key in (("ball", "this_ball"), ("mass", "this_mass"), ("end0", "stick")):
+                for mode, key in _POINTED:
                     self._frame.button(mode, say(key))
                 self._undo = ui.button(say("undo"), on_click=self.clip.undo)
                 self._undo.props("flat dense data-test=undo")
@@ -299,6 +303,9 @@ class ClipPage:
             return
         if placed.kind in _ENDS:
             self._place_end(placed)
+        elif placed.kind == "pivot":
+            now = self.clip.corrections
+            self.clip.change(replace(now, pivot=(placed.x, placed.y)))
         elif placed.kind in _OBJECTS:
             moved = not placed.pointed
             self.clip.mark(placed.kind, placed.frame, placed.x, placed.y, moved=moved)
@@ -324,9 +331,14 @@ class ClipPage:
             ui.notify(on_page(problem.in_one_line, self.say), type="negative")
 
     def _show_points(self) -> None:
-        self._frame.points(
-            [FramePoint(key, x, y, "", "end0") for key, (x, y) in self._ends.items()]
-        )
+        points = [FramePoint(key, x, y, "", "end0") for key, (x, y) in self._ends.items()]
+        pendulum = None if self.clip.measured is None else self.clip.measured.tracks.pendulum
+        pivot = self.clip.corrections.pivot
+        if pivot is None and pendulum is not None and np.isfinite(pendulum.pivot_px).all():
+            pivot = float(pendulum.pivot_px[0]), float(pendulum.pivot_px[1])
+        if pivot is not None:
+            points.append(FramePoint("pivot", *pivot, self.say("pivot")))
+        self._frame.points(points)
 
     def _take_stick(self) -> None:
         """Show the stick of the corrections, also after undo."""
@@ -335,7 +347,7 @@ class ClipPage:
             self._stick = stick
             self._ends = _ends_of(stick)
             self._length.set_value("" if stick is None else stick.length)
-            self._show_points()
+        self._show_points()
 
     def _show_found(self, event: Any) -> None:
         ui.run_javascript(f"visionViewer.all({json.dumps(bool(event.value))})")

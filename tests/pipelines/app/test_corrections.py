@@ -38,6 +38,7 @@ def test_corrections_survive_the_file(tmp_path: Path) -> None:
         (ObjectMark(3, 1.25, -0.5), ObjectMark(9, 2.0, 4.0, moved=True)),
         ObjectMark(0, 7.0, 8.0),
         Stick(1.5, 2.0, 301.5, 402.0, "1 m ± 2 mm"),
+        (120.5, -8.0),
     )
     write_corrections(file, corrections)
     assert read_corrections(file) == corrections
@@ -63,6 +64,8 @@ def test_corrections_survive_the_file(tmp_path: Path) -> None:
         ("[[ball]]\nframe = 1\nx_px = [1]\ny_px = 1", "x_px is"),
         ("[mass]\nframe = 1\nx_px = 1", "y_px is 'missing'"),
         ("[mass]\nframe = 1\nz_px = 1", r"\[mass\] needs frame, x_px and y_px"),
+        ("[pivot]\nx_px = 1.0", r"\[pivot\] needs x_px and y_px"),
+        ("[pivot]\nx_px = 1\ny_px = inf", r"\[pivot\]: y_px is inf"),
         ("[stick]\nx0_px = 1\nlength = '1 m'", r"\[stick\] needs x0_px, y0_px"),
         (STICK.format(x="0.0", length="'1 m'"), "stick is 0.0 px long"),
         (STICK.format(x="9.0", length="'1 kg'"), "length '1 kg'"),
@@ -197,6 +200,13 @@ def test_a_stick_gives_the_scale_with_the_uncertainty_of_its_ends_and_length() -
     assert std == pytest.approx(np.std((2.0 + 0.004 * noise[:, 4]) / lengths), rel=0.05)
     assert "--scale '250 px/m ± " in as_command(CLIP, Corrections(stick=stick), corrected=False)
     assert "scale='250 px/m ± " in as_python(CLIP, Corrections(stick=stick), corrected=False)
+
+
+def test_a_placed_pivot_is_an_option_in_command_and_python() -> None:
+    corrections = Corrections(pivot=(120.5, -8.0))
+    assert options_of(CLIP, corrections, corrected=False).pivot_at == (120.5, -8.0)
+    assert "--pivot-at 120.5,-8" in as_command(CLIP, corrections, corrected=False)
+    assert "pivot_at='120.5,-8'" in as_python(CLIP, corrections, corrected=False)
 
 
 def test_a_proposed_option_is_an_input_of_the_clip() -> None:
