@@ -145,19 +145,22 @@ def smoothed(image: NDArray[Real], sigma: float) -> NDArray[Real]:
     return np.asarray(cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR))
 
 
-def find_seeds(image: FloatArray, *, keep: int = 8) -> list[Seed]:
+MAX_WINDOW_SEEDS = 8
+"""Seeds kept of each window size and kind (chosen)."""
+
+
+def find_seeds(image: FloatArray) -> list[Seed]:
     """Windows in which two waves cross, the strongest first.
 
     Parameters
     ----------
     image : (H, W) array
         Gray levels.
-    keep : int
-        Number of seeds kept of each window size.
 
     Returns
     -------
     list of Seed
+        At most `MAX_WINDOW_SEEDS` of each window size and kind.
     """
     seeds: list[Seed] = []
     for window in SPECTRUM_WINDOWS_PX:
@@ -169,7 +172,7 @@ def find_seeds(image: FloatArray, *, keep: int = 8) -> list[Seed]:
             [pair[0] for pair in here if pair],
             [one for pair in here for one in pair[1:]],
         ):
-            seeds += sorted(alike, key=lambda seed: seed.strength, reverse=True)[:keep]
+            seeds += sorted(alike, key=lambda seed: seed.strength, reverse=True)[:MAX_WINDOW_SEEDS]
     return sorted(seeds, key=lambda seed: seed.strength, reverse=True)
 
 
@@ -948,7 +951,11 @@ def _coarsest(values: FloatArray, coordinate: FloatArray, faintest: float) -> tu
     return best, seen(1.0, 2.0, MIN_WAVE_HEIGHT)
 
 
-def folded(values: FloatArray, grid: FloatArray, bins: int = 20) -> tuple[FloatArray, FloatArray]:
+_CELL_BINS = 20
+"""Bins per period of the averaged cell (chosen: a line of a tenth of the period has two)."""
+
+
+def folded(values: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Average the grid's cells into one picture of two by two cells.
 
     Parameters
@@ -956,13 +963,12 @@ def folded(values: FloatArray, grid: FloatArray, bins: int = 20) -> tuple[FloatA
     values : (N,) array
     grid : (N, 2) array
         Grid coordinates, periods.
-    bins : int
-        Bins per period.
 
     Returns
     -------
-    mean, count : (2 bins, 2 bins) array
+    mean, count : (2 `_CELL_BINS`, 2 `_CELL_BINS`) array
     """
+    bins = _CELL_BINS
     index = np.floor((grid % 2.0) * bins).astype(np.int64) % (2 * bins)
     flat_index = index[:, 0] * 2 * bins + index[:, 1]
     count = np.bincount(flat_index, minlength=4 * bins * bins).astype(np.float64)
@@ -1485,23 +1491,19 @@ class WallGrid:
         """Reading on the wall of pixels (..., 2): wall coordinates (..., 2), m."""
         return np.asarray(self.origin_m + self.pitch_m * self.map(px))
 
-    def with_origin(
-        self, px: ArrayLike, wall: ArrayLike = (0.0, 0.0), *, snap: bool = False
-    ) -> Self:
-        """The same grid with its wall coordinates moved.
+    def with_origin(self, px: ArrayLike, *, snap: bool = False) -> Self:
+        """The same grid with the origin of its wall coordinates at `px`.
 
         Parameters
         ----------
         px : (2,) array
             A position in the picture.
-        wall : (2,) array
-            Its new wall coordinates, m.
         snap : bool
             Whether to use the crossing nearest to `px`.
         """
         place = self.map(px)
         place = np.round(place) if snap else place
-        return replace(self, origin_m=np.asarray(wall, dtype=np.float64) - self.pitch_m * place)
+        return replace(self, origin_m=-self.pitch_m * place)
 
 
 def find_wall_grid(

@@ -938,9 +938,7 @@ def board_lens(lens: Lens) -> LensPrior:
     return LensPrior(lens, BOARD_LENS_STD)
 
 
-def planned_grid(
-    camera: Camera, pitch_m: float = 0.05, *, error_px: float | None = None
-) -> WallGrid:
+def planned_grid(camera: Camera, pitch_m: float = 0.05) -> WallGrid:
     """Expected crossings of the wall's grid in the picture, some hidden by the scene.
 
     Parameters
@@ -949,8 +947,6 @@ def planned_grid(
         In the world.
     pitch_m : float
         Distance between lines, m.
-    error_px : float, optional
-        Standard uncertainty of a crossing along one axis, px.
 
     Raises
     ------
@@ -982,13 +978,12 @@ def planned_grid(
             f"only {len(kept)} crossings of the wall's grid would be in view",
             hint="Film from farther away, or with a wider view.",
         )
-    std = CROSSING_ERROR_PX if error_px is None else error_px
     return WallGrid(
         size=(lens.width, lens.height),
         pitch_m=pitch_m,
         nodes=nodes[kept],
         points_px=px[kept],
-        covariance_px2=np.broadcast_to(std**2 * np.eye(2), (len(kept), 2, 2)),
+        covariance_px2=np.broadcast_to(CROSSING_ERROR_PX**2 * np.eye(2), (len(kept), 2, 2)),
         residual_px=np.zeros((len(kept), 2)),
         map=_map(camera, pitch_m),
         area=np.ones((lens.height, lens.width), dtype=bool),

@@ -8,7 +8,7 @@ is widened by misfit.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -217,7 +217,6 @@ def minimise(
     start: ArrayLike,
     *,
     soft_from: float = np.inf,
-    loss: Residuals | None = None,
     slopes: Residuals | None = None,
     stacked: bool = False,
     low: ArrayLike = -np.inf,
@@ -235,9 +234,6 @@ def minimise(
         Initial parameters, within the bounds.
     soft_from : float
         Residual from which the loss is linear (soft L1); infinite by default.
-    loss : callable, optional
-        Another loss instead of `soft_from`: squared residuals (N,) to their cost and its first two
-        derivatives (3, N).
     slopes : callable, optional
         (P,) parameters to the Jacobian (N, P); else by differences.
     stacked : bool
@@ -259,15 +255,13 @@ def minimise(
 
     if stacked and slopes is None:
         slopes = partial(_slope_of_stack, residuals)
-    usual = "soft_l1" if np.isfinite(soft_from) else "linear"
-    how: Any = usual if loss is None else loss
     try:
         found = least_squares(
             residuals,
             np.asarray(start, dtype=float),
             jac="2-point" if slopes is None else slopes,
             bounds=(np.asarray(low, dtype=float), np.asarray(high, dtype=float)),
-            loss=how,
+            loss="soft_l1" if np.isfinite(soft_from) else "linear",
             f_scale=soft_from if np.isfinite(soft_from) else 1.0,
             ftol=tolerance,
             xtol=tolerance,
@@ -344,6 +338,10 @@ def bounded_robust(
     return float(fitted.cost), np.asarray(fitted.x, dtype=np.float64)
 
 
+_MAX_STATE_HALVINGS = 8
+"""Lengths of a step that are tried (chosen: the shortest is 1/128 of it)."""
+
+
 def descend(
     start: State,
     looking: Callable[[State], Downhill[Step]],
@@ -352,7 +350,6 @@ def descend(
     *,
     settled: Callable[[Downhill[Step], float], bool],
     most_steps: int,
-    most_halvings: int = 8,
 ) -> State:
     """Gauss-Newton steps with halving, for states of any kind.
 
@@ -367,12 +364,12 @@ def descend(
         Cost of a state, with the weights of the step; NaN is rejected.
     settled : callable
         Whether a step with its new cost was the last.
-    most_steps, most_halvings : int
+    most_steps : int
     """
     place = start
     for _ in range(most_steps):
         seen = looking(place)
-        for halving in range(most_halvings):
+        for halving in range(_MAX_STATE_HALVINGS):
             there = moved(place, seen.step, 0.5**halving)
             reached = cost(there, seen.step)
             if reached <= seen.cost:

@@ -313,6 +313,10 @@ def damping_for_cor(cor: Number) -> Number:
 CONTACT_STEPS = 160
 """Steps per contact (measured: with half the step the outcome changes by less than 1e-6)."""
 
+MAX_CALIBRATION_ROUNDS = 40
+"""Chosen; a handful suffice."""
+CALIBRATION_ERROR = 1e-7
+"""Largest relative error of `cor` and `contact_time` (chosen: far below any uncertainty)."""
 COARSE_CONTACT_STEPS, COARSE_CALIBRATION_ERROR = 40, 1e-4
 """Steps per contact while the calibration's relative error exceeds this tolerance (derived: fourth
 order gives 1e-6 · 4⁴, a few 1e-4, at a quarter of the cost)."""
@@ -454,9 +458,6 @@ def calibrate_contacts(
     contact_time: FloatArray,
     exponent: float,
     friction: float = 0.0,
-    *,
-    rounds: int = 40,
-    tolerance: float = 1e-7,
 ) -> tuple[HuntCrossley, ContactOutcome]:
     """Stiffness and damping for which each contact returns its `cor` and `contact_time`.
 
@@ -472,10 +473,6 @@ def calibrate_contacts(
         n of the contact force.
     friction : float
         Of the face.
-    rounds : int
-        Maximum number of rounds.
-    tolerance : float
-        Maximum relative error of `cor` and `contact_time` at the end.
 
     Returns
     -------
@@ -495,7 +492,7 @@ def calibrate_contacts(
     # Static friction is stiff and needs shorter explicit steps.
     finer = 2 if friction > 0.0 or scene.support.friction > 0.0 else 1
     missed, steps = np.inf, COARSE_CONTACT_STEPS * finer
-    for _ in range(rounds):
+    for _ in range(MAX_CALIBRATION_ROUNDS):
         law = HuntCrossley(
             np.asarray(stiffness_for_time(reduced, impact_speed, aimed_time, exponent)),
             np.asarray(damping_for_cor(aimed_cor)) / impact_speed,
@@ -506,7 +503,7 @@ def calibrate_contacts(
         cor_miss = np.asarray(outcome.cor) / cor
         time_miss = np.asarray(outcome.contact_time) / contact_time
         missed = float(np.max(np.abs([cor_miss - 1.0, time_miss - 1.0])))
-        if missed < tolerance and steps == CONTACT_STEPS * finer:
+        if missed < CALIBRATION_ERROR and steps == CONTACT_STEPS * finer:
             return law, outcome
         if missed < COARSE_CALIBRATION_ERROR:
             steps = CONTACT_STEPS * finer

@@ -148,12 +148,7 @@ def closed_form_landing(experiment: Experiment, launch: Launch) -> Landing:
     return land(launch, experiment.support.height, constant, experiment.gravity)
 
 
-def numerical_landing(
-    experiment: Experiment,
-    launch: Launch,
-    *,
-    step: float = FLIGHT_STEP_S,
-) -> Landing:
+def numerical_landing(experiment: Experiment, launch: Launch) -> Landing:
     """Steps b to e from the paper's launch, drag in both directions."""
     angle, advance = np.asarray(launch.angle), np.asarray(launch.advance)
     state = ball_state(
@@ -162,7 +157,7 @@ def numerical_landing(
         launch.speed * np.cos(angle),
         launch.speed * np.sin(angle),
     )
-    return _fly(experiment, state, step)
+    return _fly(experiment, state, FLIGHT_STEP_S)
 
 
 def ball_state(x: Number, y: Number, vx: Number, vy: Number) -> FloatArray:
@@ -184,8 +179,6 @@ def time_resolved_landing(
     speed: FloatArray,
     *,
     cor: Number | None = None,
-    contact_time: Number | None = None,
-    friction: float = 0.0,
     step: float = FLIGHT_STEP_S,
 ) -> tuple[ContactOutcome, Landing]:
     """Resolved contact, then the flight from release; arrays over `speed` (m/s)."""
@@ -196,8 +189,6 @@ def time_resolved_landing(
         speed,
         gravity=experiment.gravity,
         cor=cor,
-        contact_time=contact_time,
-        friction=friction,
     )
     state = ball_state(outcome.ball_x, outcome.ball_y, outcome.ball_vx, outcome.ball_vy)
     return outcome, _fly(experiment, state, step)
@@ -561,15 +552,13 @@ def cor_from_range(inputs: RangeInputs) -> Number:
     )
 
 
-def sensitivities(inputs: RangeInputs, step: float = 1e-5) -> dict[str, float]:
-    """∂e/∂(input) of every input at a point, by central differences.
+def sensitivities(inputs: RangeInputs) -> dict[str, float]:
+    """∂e/∂(input) of every input at a point, by central differences of 1e-5.
 
     Parameters
     ----------
     inputs : RangeInputs
         Floats.
-    step : float
-        Relative step.
 
     Returns
     -------
@@ -579,7 +568,7 @@ def sensitivities(inputs: RangeInputs, step: float = 1e-5) -> dict[str, float]:
     result = {}
     for name in (f.name for f in fields(inputs)):
         centre = float(getattr(inputs, name))
-        delta = step * abs(centre) if centre else step
+        delta = 1e-5 * abs(centre) if centre else 1e-5
         low, high = max(centre - delta, 0.0), centre + delta
         pair = np.asarray(cor_from_range(replace(inputs, **{name: np.array([low, high])})))
         result[name] = float((pair[1] - pair[0]) / (high - low))

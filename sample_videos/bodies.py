@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calib.camera import Lens
+from metrology import Defaults
 from physics.contact import ContactScene
 from sample_videos.scene import Scene, SwingingScale
 
@@ -369,8 +370,9 @@ CORD = (0.15, 0.14, 0.13)
 """Likewise by eye, share of the light: a hanging cord."""
 
 
-def contact_scene(scene: Scene, gravity: float = 9.806) -> ContactScene:
+def contact_scene(scene: Scene) -> ContactScene:
     """Pendulum, ball and support placed so that they touch at the scene's contact angle."""
+    gravity = Defaults.GRAVITY.known
     return ContactScene(scene.pendulum, scene.ball, scene.support, gravity, scene.contact_angle)
 
 

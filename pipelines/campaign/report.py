@@ -3,7 +3,7 @@
 import base64
 import io
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -345,9 +345,7 @@ def svg_text(figure: Figure) -> str:
     return text[text.index("<svg") :]
 
 
-def write_figures(
-    figures: dict[str, Figure], folder: Path, note: Callable[[Path], None] = lambda path: None
-) -> None:
+def write_figures(figures: dict[str, Figure], folder: Path) -> None:
     """Write each figure as ``.svg`` and ``.png``, each atomically."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, figure in figures.items():
@@ -355,7 +353,6 @@ def write_figures(
             path = folder / f"{name}{suffix}"
             with written_whole(path) as temporary:
                 draw_into(temporary, figure, suffix, dpi=150)
-            note(path)
 
 
 CAPTIONS = {

@@ -71,9 +71,9 @@ class SwingFit:
     fitted: Fitted
     noise_factor: float = 1.0
 
-    def state(self, time_s: float, values: FloatArray | None = None) -> tuple[float, float]:
+    def state(self, time_s: float) -> tuple[float, float]:
         """Angle (rad) and angular velocity (rad/s) at a time."""
-        angle, rate = self.states(np.array([time_s]), values)
+        angle, rate = self.states(np.array([time_s]))
         return float(angle[0]), float(rate[0])
 
     def states(
@@ -226,9 +226,7 @@ SLOW_OVER_RANDOM = 1.5
 """Amplitude of slowly varying errors over the random error (assumed)."""
 
 
-def slow_error_whitening(
-    time_s: FloatArray, *, offset: bool = False
-) -> Callable[[FloatArray], FloatArray]:
+def slow_error_whitening(time_s: FloatArray) -> Callable[[FloatArray], FloatArray]:
     """Whitening of standardised residuals that contain slowly varying errors.
 
     The covariance is the unit matrix plus one of low rank, Ψ Ψᵀ = U s² Uᵀ; its inverse root is
@@ -238,16 +236,13 @@ def slow_error_whitening(
     ----------
     time_s : (N,) array
         Times of the residuals, s.
-    offset : bool
-        Whether to include a constant error, for fits without a free offset.
 
     Returns
     -------
     callable
         (N, ...) residuals over their random standard uncertainty to whitened ones.
     """
-    order = np.arange(0 if offset else 1, _SLOW_MODES + 1)
-    return _whitening(SLOW_OVER_RANDOM * _cosines(time_s, order))
+    return _whitening(SLOW_OVER_RANDOM * _cosines(time_s, np.arange(1, _SLOW_MODES + 1)))
 
 
 FLIGHT_RANDOM, FLIGHT_DRIFT = 0.5, 1.0

@@ -344,15 +344,15 @@ class ContactFit:
     residuals: FloatArray
 
 
-def gap_before(view: ImpactView, time_s: FloatArray, angle: FloatArray | None = None) -> FloatArray:
+def gap_before(view: ImpactView, time_s: FloatArray) -> FloatArray:
     """Distance from the bar's line to the surface of the ball at rest, along the face normal, m."""
-    phi = view.before.angles(time_s) if angle is None else angle
+    phi = view.before.angles(time_s)
     return _distance_along_normal(view.rest - view.pivot, phi) - view.radius
 
 
-def gap_after(view: ImpactView, time_s: FloatArray, angle: FloatArray | None = None) -> FloatArray:
+def gap_after(view: ImpactView, time_s: FloatArray) -> FloatArray:
     """The same to the ball in flight, m."""
-    phi = view.after.angles(time_s) if angle is None else angle
+    phi = view.after.angles(time_s)
     return _distance_along_normal(view.flight.states(time_s)[:, :2] - view.pivot, phi) - view.radius
 
 

@@ -110,10 +110,10 @@ def panels_of(report: ReportInput) -> tuple[Panel, ...]:
     return tuple(panels)
 
 
-def panel_svg(panel: Panel, width: float = 6.2, height: float = 3.1) -> str:
-    """Draw one panel as an SVG document; sizes in inches."""
+def panel_svg(panel: Panel) -> str:
+    """Draw one panel as an SVG document."""
     with matplotlib.rc_context(STYLE):
-        figure = Picture(figsize=(width, height), layout="constrained")
+        figure = Picture(figsize=(6.2, 3.1), layout="constrained")
         _fill(figure.subplots(), panel)
         buffer = io.StringIO()
         draw_into(buffer, figure, ".svg")

@@ -210,9 +210,9 @@ def test_the_same_wall_is_searched_once_and_another_pitch_anew(square_camera: Ca
 
 def test_the_origin_is_the_given_one(square_camera: Camera) -> None:
     grid = find_wall_grid(rendered(square_camera))
-    moved = grid.with_origin(grid.points_px[7], (1.0, 0.5), snap=True)
-    assert moved.wall_m[7] == pytest.approx([1.0, 0.5])
-    assert moved.to_wall(grid.points_px[7]) == pytest.approx([1.0, 0.5], abs=0.006)
+    moved = grid.with_origin(grid.points_px[7], snap=True)
+    assert moved.wall_m[7] == pytest.approx([0.0, 0.0])
+    assert moved.to_wall(grid.points_px[7]) == pytest.approx([0.0, 0.0], abs=0.006)
 
 
 def stripes(xy: np.ndarray) -> np.ndarray:
