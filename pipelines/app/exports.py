@@ -3,33 +3,23 @@
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from metrology import write_text_whole, written_whole
-from pipelines.app.figures import LARGE_FIGURES, Figure, figures_of
 from pipelines.measure.files import (
     WantedFiles,
     column_of,
     measurement_as_row,
-    overlay_marks,
     report_input,
-    software_version,
     without_formulas,
 )
 from pipelines.measure.inputs import main_quantities
 from pipelines.measure.measurement import QUANTITY_UNITS, ClipMeasurement
-from pipelines.report.plots import panel_svg, panels_of
+from pipelines.report.page import report_html
 from vision.clip.clip import ClipReader
-from vision.overlay import overlay_still, png_bytes
 
 __all__ = ["EXPORTS", "Export", "sheet_html", "written"]
-
-MAX_SHEET_ROWS = 8
-"""Numbers on the sheet (chosen: picture, graphs and messages fit on one A4 page)."""
-
-MAX_SHEET_GRAPHS = 2
 
 
 @dataclass(frozen=True)
@@ -133,34 +123,5 @@ def sheet_html(measured: ClipMeasurement, command: str, label: Callable[[str], s
     label : callable
         Label of a quantity.
     """
-    import base64
-
-    from jinja2 import Environment, StrictUndefined
-
-    marks = overlay_marks(measured)
     clip = ClipReader.open(measured.info.path, every=measured.info.every, least_frames=1)
-    frame = None if marks.contact is None else marks.contact[0]
-    still = png_bytes(overlay_still(clip, measured.tracks, marks, frame=frame))
-    graphs = [
-        (title, base64.b64encode(panel_svg((title, draw)).encode()).decode())
-        for title, draw in panels_of(report_input(measured, None))
-    ]
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
-    source = files("pipelines.app").joinpath("sheet.html.j2").read_text(encoding="utf-8")
-    return environment.from_string(source).render(
-        name=measured.info.path.name,
-        motion=measured.motion.kind.noun,
-        rate=f"{measured.rate.fps:g} fps",
-        figures=_of_sheet(figures_of(measured)),
-        large=LARGE_FIGURES,
-        label=label,
-        still=base64.b64encode(still).decode(),
-        graphs=graphs[:MAX_SHEET_GRAPHS],
-        warnings=measured.warnings[:4],
-        command=command,
-        version=software_version(),
-    )
-
-
-def _of_sheet(figures: tuple[Figure, ...]) -> list[Figure]:
-    return [one for one in figures if one.value][:MAX_SHEET_ROWS]
+    return report_html(report_input(measured, clip), command=command, label=label)

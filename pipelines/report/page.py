@@ -3,7 +3,7 @@
 import base64
 import io
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -25,6 +25,9 @@ __all__ = [
 
 MAX_MAIN_ROWS = 5
 """Results at the top of the page (chosen: they fit next to the picture); all are folded below."""
+
+MAX_SHEET_ROWS, MAX_SHEET_PLOTS, MAX_SHEET_WARNINGS = 8, 2, 4
+"""Results, plots and warnings on one A4 page (chosen: they fit on it)."""
 
 _CELL = """<div style="max-width:60rem">
 {% if title %}<div><b>{{ title }}</b></div>{% endif %}
@@ -108,7 +111,13 @@ def write_report(path: Path, report: ReportInput, panels: "Sequence[Panel]" = ()
     write_text_whole(path, report_html(report, panels))
 
 
-def report_html(report: ReportInput, panels: "Sequence[Panel]" = ()) -> str:
+def report_html(
+    report: ReportInput,
+    panels: "Sequence[Panel]" = (),
+    *,
+    command: str = "",
+    label: Callable[[str], str] = quantity_label,
+) -> str:
     """Return the page as HTML; every text in it is escaped.
 
     Parameters
@@ -116,6 +125,10 @@ def report_html(report: ReportInput, panels: "Sequence[Panel]" = ()) -> str:
     report : ReportInput
     panels : sequence of Panel
         Further plots, before those of the report.
+    command : str
+        For one A4 page without what is folded: the command that repeats it.
+    label : callable
+        Label of a quantity.
 
     Returns
     -------
@@ -135,22 +148,25 @@ def report_html(report: ReportInput, panels: "Sequence[Panel]" = ()) -> str:
         for panel in (*panels, *panels_of(report))
     ]
     still = None if report.still_png is None else _data_uri("image/png", report.still_png)
-    rows = [_row(quantity) for quantity in report.quantities]
+    rows = [_row(quantity, label(quantity.name)) for quantity in report.quantities]
+    most = (MAX_SHEET_ROWS, MAX_SHEET_PLOTS) if command else (MAX_MAIN_ROWS, len(plots))
     common = _common_reasons(rows)
     return environment.from_string(source).render(
         report=report,
-        main=[row for row in rows if row.value][:MAX_MAIN_ROWS],
+        main=[row for row in rows if row.value][: most[0]],
         rows=[row for row in rows if row.reason not in common],
         shared_reasons=common,
-        plots=plots,
+        plots=plots[: most[1]],
+        command=command,
+        warnings=report.warnings[:MAX_SHEET_WARNINGS] if command else report.warnings,
         still=still,
         made=os.environ.get(DATE, ""),
     )
 
 
-def _row(given: Quantity) -> _Row:
+def _row(given: Quantity, label: str) -> _Row:
     quantity = for_people(given)
-    label, unit = quantity_label(quantity.name), format_unit(quantity.unit)
+    unit = format_unit(quantity.unit)
     if quantity.value is None:
         return _Row(label, "", "", "", unit, quantity.reason or "not measured", "", ())
     value, std = format_pair(quantity.value, quantity.std)
