@@ -113,15 +113,18 @@ def _rows(*columns: FloatArray) -> list[list[float]]:
     return [[float(f"{value:.6g}") for value in row] for row in table.tolist()]
 
 
-def _equal_spans(series: tuple[dict[str, Any], ...]) -> tuple[dict[str, float], dict[str, float]]:
+def _equal_spans(series: tuple[dict[str, Any], ...]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Limits of both axes of the same length: a vertical fall is a line, not noise."""
     points = np.array([row[:2] for part in series for row in part["data"]])
     if not len(points):
         return {}, {}
     low, high = points.min(axis=0), points.max(axis=0)
     middle, half = (low + high) / 2, 0.55 * float((high - low).max())
+    # the limits themselves are no round numbers
+    plain = {"axisLabel": {"showMinLabel": False, "showMaxLabel": False}}
     bounds = [
-        {"min": float(f"{one - half:.3g}"), "max": float(f"{one + half:.3g}")} for one in middle
+        {**plain, "min": float(f"{one - half:.3g}"), "max": float(f"{one + half:.3g}")}
+        for one in middle
     ]
     return bounds[0], bounds[1]
 

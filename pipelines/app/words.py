@@ -193,7 +193,7 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "export_kinovea": ("Project for Kinovea", "Projekt für Kinovea"),
     "export_overlay": ("Video with outlines", "Film mit Umrissen"),
     "export_notebook": ("Notebook that repeats it", "Notebook, das es wiederholt"),
-    "writing": ("Writing {name} …", "{name} wird geschrieben …"),
+    "writing": ("Writing {name}", "{name} wird geschrieben"),
     "written": ("Written: {name}", "Geschrieben: {name}"),
     "campaign_of": ("Campaign {name}", "Messreihe {name}"),
     "progress": ("Measured clips", "Gemessene Aufnahmen"),
@@ -247,7 +247,7 @@ _TEXTS: dict[str, tuple[str, str]] = {
         " Es dauert bis zu einigen Minuten.",
     ),
     "explain": ("Compare", "Vergleichen"),
-    "explaining": ("Comparing recording and model …", "Aufnahme und Modell werden verglichen …"),
+    "explaining": ("Comparing recording and model", "Aufnahme und Modell werden verglichen"),
     "why_picture": (
         "Residuals before and after, and the missing force",
         "Abweichungen vorher und nachher, und die fehlende Kraft",

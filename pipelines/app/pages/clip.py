@@ -16,8 +16,9 @@ from pipelines.app.pages.frame import ClipFrame, FramePoint, PlacedAt
 from pipelines.app.pages.spans import SpanCard
 from pipelines.app.session import AppSession, ClipSession
 from pipelines.app.words import Say, label_of, on_page
+from pipelines.web import Jobs
 
-__all__ = ["ClipPage", "copy_card", "standing_text"]
+__all__ = ["ClipPage", "copy_card", "job_status", "standing_text"]
 
 POLL_S = 0.2
 """s between updates from the session (chosen: appears immediate)."""
@@ -151,9 +152,13 @@ class ClipPage:
             ui.label(said).classes("va-small").props("data-test=motion")
             figures = self.clip.figures
             large = [one for one in figures if one.value][:LARGE_FIGURES]
+            # what holds of all is said once
+            common = {standing_text(one, say) for one in large}
+            if len(large) > 1 and len(common) == 1:
+                self._standing(large[0])
             with ui.element("div").classes("va-large"):
                 for figure in large:
-                    self._large(figure)
+                    self._large(figure, alone=len(large) == 1 or len(common) > 1)
             rest = [one for one in figures if one not in large]
             if rest:
                 with ui.element("details").props("data-test=more"):
@@ -162,14 +167,15 @@ class ClipPage:
                     for figure in rest:
                         self._small(figure)
 
-    def _large(self, figure: Figure) -> None:
+    def _large(self, figure: Figure, *, alone: bool) -> None:
         with ui.element("div").classes("va-figure").props(f'data-test="figure-{figure.name}"'):
             ui.label(label_of(figure.name, self.session.language)).classes("va-label")
             with ui.element("div"):
                 with ui.element("b"):
                     ui.label(figure.value).classes("inline")
                 ui.label(f" ± {figure.std} {figure.unit}").classes("va-std inline")
-            self._standing(figure)
+            if alone:
+                self._standing(figure)
             self._budget(figure)
 
     def _small(self, figure: Figure) -> None:
@@ -406,6 +412,17 @@ class ClipPage:
     @property
     def _marks_url(self) -> str:
         return f"/marks/{self.clip.number}/{self.clip.revision}"
+
+
+def job_status(jobs: Jobs, say: Say) -> None:
+    """The running job, or why the last one failed."""
+    if jobs.busy:
+        with ui.row().classes("items-center gap-2 no-wrap").props("role=status data-test=busy"):
+            ui.spinner(size="sm").props("aria-hidden=true")
+            ui.label(f"{on_page(jobs.busy, say)} …")
+    if jobs.problem:
+        note = ui.label(on_page(jobs.problem, say)).classes("va-note bad")
+        note.props("role=alert data-test=problem")
 
 
 def copy_card(say: Say, command: str, python: str) -> None:

@@ -6,8 +6,9 @@ from pathlib import Path
 from nicegui import ui
 
 from pipelines.app.exports import EXPORTS, Export, written
+from pipelines.app.pages.clip import job_status
 from pipelines.app.session import ClipSession
-from pipelines.app.words import Say, on_page
+from pipelines.app.words import Say
 from pipelines.web import Jobs
 
 __all__ = ["ExportPage"]
@@ -61,13 +62,7 @@ class ExportPage:
     @ui.refreshable_method
     def status(self) -> None:
         """The file being written, those written, or why one was not."""
-        if self.jobs.busy:
-            with ui.row().classes("items-center gap-2").props("role=status"):
-                ui.spinner(size="sm").props("aria-hidden=true")
-                ui.label(self.say("writing", name=self.jobs.busy)).props("data-test=busy")
-        if self.jobs.problem:
-            note = ui.label(on_page(self.jobs.problem, self.say)).classes("va-note bad")
-            note.props("role=alert data-test=problem")
+        job_status(self.jobs, self.say)
         for path in self.clip.written:
             ui.label(self.say("written", name=path)).classes("va-note").props("data-test=written")
 
@@ -81,7 +76,7 @@ class ExportPage:
             path: Path = written(export, clip.path, measured, python)
             clip.written = (*(one for one in clip.written if one != path), path)
 
-        self.jobs.submit(export.path_for(clip.path).name, work)
+        self.jobs.submit(self.say("writing", name=export.path_for(clip.path).name), work)
 
     def _poll(self) -> None:
         if self.jobs.revision != self._revision:

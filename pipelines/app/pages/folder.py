@@ -33,7 +33,17 @@ _INPUTS = (
 
 def cor_options(state: FolderState, say: Say) -> dict[str, Any]:
     """ECharts options of restitution against impact speed."""
-    axis = {"type": "value", "scale": True, "nameLocation": "middle"}
+    # on a light and on a dark page
+    gray = {"color": "#80909a"}
+    axis = {
+        "type": "value",
+        "scale": True,
+        "nameLocation": "middle",
+        "axisLabel": gray,
+        "nameTextStyle": gray,
+        "axisLine": {"lineStyle": gray},
+        "splitLine": {"lineStyle": {"opacity": 0.25}},
+    }
     series: list[dict[str, Any]] = [
         {
             "name": say(key),
@@ -54,7 +64,7 @@ def cor_options(state: FolderState, say: Say) -> dict[str, Any]:
     law = {"name": say("law"), "type": "line", "showSymbol": False, "data": [*map(list, state.law)]}
     return {
         "animation": False,
-        "legend": {"top": 0, "left": 0, "textStyle": {"color": "#80909a"}},
+        "legend": {"top": 0, "left": 0, "textStyle": gray},
         "grid": {"left": 56, "right": 14, "top": 32, "bottom": 42},
         "tooltip": {"trigger": "item", "formatter": "{b}"},
         "xAxis": {**axis, "name": "v / (m/s)", "nameGap": 26},
@@ -99,14 +109,14 @@ class FolderPage:
                 self._problem.props("data-test=problem").set_visibility(False)
                 if self.folder.clips is not None:
                     self._form()
-            with ui.column().classes("va-card"):
+            with ui.column().classes("va-card") as self._plot:
                 self._chart = ui.echart(
                     cor_options(FolderState({}, (), (), ()), say),
                     on_point_click=lambda event: self._open_named(event.name),
                 ).classes("va-graph")
                 self._chart.props(f'role=img aria-label="{say("cor_graph")}"')
                 ui.label(say("cor_note")).classes("va-small")
-            with ui.row().classes("items-center gap-2"):
+            with ui.row().classes("items-center gap-2") as self._filter:
                 choice = {name: say(f"show_{name}") for name in ("all", "unsure", "bad")}
                 ui.radio(choice, value="all", on_change=self._choose).props(
                     "inline dense data-test=show"
@@ -177,6 +187,8 @@ class FolderPage:
         key = "folder_running" if self.folder.running else "folder_counts"
         self._counts.text = self.say(key, **count)
         self._say_problem(on_page(self.folder.problem, self.say))
+        self._plot.set_visibility(bool(state.points))
+        self._filter.set_visibility(bool(state.cards))
         if (state.points, state.law) != self._points:
             self._points = (state.points, state.law)
             self._chart.options.update(cor_options(state, self.say))

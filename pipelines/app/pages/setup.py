@@ -13,7 +13,7 @@ from nicegui import ui
 
 from metrology import ImpactVisionError
 from pipelines.app.corrections import ClipInputs, Corrections, cure_of
-from pipelines.app.pages.clip import copy_card
+from pipelines.app.pages.clip import copy_card, job_status
 from pipelines.app.pages.frame import ClipFrame, FramePoint
 from pipelines.app.session import ClipSession
 from pipelines.app.words import Say, on_page
@@ -278,14 +278,7 @@ class SetupPage:
     @ui.refreshable_method
     def status(self) -> None:
         """The running job, or why it failed."""
-        say = self.say
-        if self.jobs.busy:
-            with ui.row().classes("va-card items-center").props("role=status data-test=busy"):
-                ui.spinner(size="sm").props("aria-hidden=true")
-                ui.label(f"{self.jobs.busy} …")
-        if self.jobs.problem:
-            note = ui.label(on_page(self.jobs.problem, say)).classes("va-note bad")
-            note.props("role=alert data-test=problem")
+        job_status(self.jobs, self.say)
 
     @ui.refreshable_method
     def outlook(self) -> None:

@@ -7,9 +7,9 @@ from nicegui import ui
 from pipelines.api.explained import Verdict
 from pipelines.api.measured import Measurement
 from pipelines.app.corrections import ClipInputs, Corrections, options_of
-from pipelines.app.pages.clip import copy_card
+from pipelines.app.pages.clip import copy_card, job_status
 from pipelines.app.session import ClipSession
-from pipelines.app.words import Say, on_page
+from pipelines.app.words import Say
 from pipelines.setup.file import ball_from_option
 from pipelines.terminal import as_typed
 from pipelines.web import Jobs
@@ -106,13 +106,7 @@ class WhyPage:
     def answer(self) -> None:
         """The answer, or why there is none."""
         found = self.clip.explained
-        if self.jobs.busy:
-            with ui.row().classes("items-center gap-2").props("role=status"):
-                ui.spinner(size="sm").props("aria-hidden=true")
-                ui.label(self.say("explaining")).props("data-test=busy")
-        if self.jobs.problem:
-            note = ui.label(on_page(self.jobs.problem, self.say)).classes("va-note bad")
-            note.props("role=alert data-test=problem")
+        job_status(self.jobs, self.say)
         if found is not None:
             ui.label(found.sentence).props("data-test=sentence").style("font-weight: 650")
             ui.image(f"/why/{self.clip.number}").props(f'alt="{self.say("why_picture")}"').style(
@@ -129,7 +123,7 @@ class WhyPage:
         def work() -> None:
             clip.explained = explained(clip)
 
-        self.jobs.submit("comparing recording and model", work)
+        self.jobs.submit(self.say("explaining"), work)
 
     def _poll(self) -> None:
         if self.jobs.revision != self._revision:
