@@ -345,14 +345,48 @@ def prepare(
     TooLittleDataError
         If there are too few rows for any fit.
     """
-    records = lay_out(campaign, baseline)
+    model = known = baseline_model(baseline)
+    forward, start, clocks = _begun(lay_out(campaign, baseline), baseline, model)
+    swinging, columns = forward.mode == "swing", start[0].shape[1]
+    pace = 1.0 if forward.mode == "impact" else FREE_STATE_PACE
+    noise = estimate_noise(forward.records, *_segments(forward, clocks), slow_mode=pace)
+    forward = replace(forward, records=_weighed(forward.records, noise))
+    forward = replace(forward, thrown_share=_thrown_share(forward, model, start[0]))
+    records = forward.records
+    if records.count < records.trials * columns + 3:
+        raise TooLittleDataError(
+            f"{records.count} usable samples in {records.trials} trials are too few for any fit",
+            hint=f"At least {columns + 4} samples in each trial are needed.",
+        )
+    model = _with_instruments(forward, model)
+    if swinging:
+        # A baseline out of phase says nothing of outliers or of the instrument; the local estimate
+        # has found those, the fit beside any losses these.
+        reading = told_beside_any_losses(forward, model, start[0])
+        instruments = (*baseline.instruments, *reading.faults)
+        told = replace(baseline, instruments=instruments)
+        forward, model = replace(forward, baseline=told, uneven=reading.uneven), reading.model
+    fit = fit_model(forward, model, free_parameters(model, baseline.instruments), start)
+    if swinging:
+        return Prepared(forward, known, noise, left_open(fit, reading.faults))
+    forward, noise = _weighed_again(forward, fit, clocks, noise)
+    faults = instrument_faults(forward, widths or {})
+    opened = tuple(_opened(entry, forward) for entry in model.entries)
+    whole = replace(model, entries=(*opened, *((one, one.neutral) for one in faults)))
+    drag = [effect for effect, _ in opened if all(effect is not e for e, _ in model.entries)]
+    free = free_parameters(whole, [*drag, *faults, *baseline.instruments])
+    fit = fit_model(forward, whole, free, (fit.nuisance, fit.law_offsets))
+    return Prepared(forward, known, noise, fit)
+
+
+def _begun(
+    records: Records, baseline: Baseline, model: ForwardModel
+) -> tuple[Forward, tuple[FloatArray, FloatArray], FloatArray | None]:
+    """The predictor, where a first fit starts, and each strike's clock."""
     mode = choose_mode(records, baseline)
-    model = baseline_model(baseline)
-    ball_span = _span(records.ball_time)
-    swing_span = _span(records.pendulum_time)
-    steps = 64
-    if mode == "swing":
-        steps = PIECE_STEPS * _periods(records, float(swing_span.max()))
+    ball_span, swing_span = _span(records.ball_time), _span(records.pendulum_time)
+    swinging = mode == "swing"
+    steps = PIECE_STEPS * _periods(records, float(swing_span.max())) if swinging else 64
     forward = Forward(
         baseline, records, mode, ball_span * 1.3, swing_span * 1.02, steps, _centre(records)
     )
@@ -361,37 +395,19 @@ def prepare(
         records, forward = _cut_contact(forward, clocks, model)
         nuisance = np.zeros((records.trials, 4))
         nuisance[:, 0] = clocks
-        laws = np.zeros((len(records.ball_names), 2))
-    else:
-        clocks = None
-        forward = replace(forward, flight_time=ball_span * 1.02)
-        if mode == "swing":
-            forward = replace(forward, pace=_pace(forward))
-            forward = replace(forward, records=_while_it_swings(forward))
-        nuisance = _first_states(forward)
-        laws = np.zeros((0, 2))
-    pace = 1.0 if mode == "impact" else FREE_STATE_PACE
-    noise = estimate_noise(forward.records, *_segments(forward, clocks), slow_mode=pace)
-    records = _weighed(forward.records, noise)
-    forward = replace(forward, records=records)
-    forward = replace(forward, thrown_share=_thrown_share(forward, model, nuisance))
-    if records.count < records.trials * nuisance.shape[1] + 3:
-        raise TooLittleDataError(
-            f"{records.count} usable samples in {records.trials} trials are too few for any fit",
-            hint=f"At least {nuisance.shape[1] + 4} samples in each trial are needed.",
-        )
-    known = model
-    model = _with_instruments(forward, model)
-    if mode == "swing":
-        # A baseline out of phase says nothing of outliers or of the instrument; the local estimate
-        # has found those, the fit beside any losses these.
-        reading = told_beside_any_losses(forward, model, nuisance)
-        instruments = (*baseline.instruments, *reading.faults)
-        told = replace(baseline, instruments=instruments)
-        forward, model = replace(forward, baseline=told, uneven=reading.uneven), reading.model
-    fit = fit_model(forward, model, free_parameters(model, baseline.instruments), (nuisance, laws))
-    if mode == "swing":
-        return Prepared(forward, known, noise, left_open(fit, reading.faults))
+        return forward, (nuisance, np.zeros((len(records.ball_names), 2))), clocks
+    forward = replace(forward, flight_time=ball_span * 1.02)
+    if swinging:
+        forward = replace(forward, pace=_pace(forward))
+        forward = replace(forward, records=_while_it_swings(forward))
+    return forward, (_first_states(forward), np.zeros((0, 2))), None
+
+
+def _weighed_again(
+    forward: Forward, fit: Fit, clocks: FloatArray | None, noise: Noise
+) -> tuple[Forward, Noise]:
+    """The records without what a fit shows to be outliers, and the noise of those that stay."""
+    records = forward.records
     stray = _strays(fit.residual * np.sqrt(np.repeat(noise.inflation, _lengths(records))), records)
     noise = replace(noise, outliers=noise.outliers | stray)
     forward = replace(forward, records=_weighed(records, noise))
@@ -402,14 +418,7 @@ def prepare(
     records = _weighed(forward.records, noise)
     if noise.jitter > 0.0:
         records = replace(records, jitter=noise.jitter * velocity / records.sigma[:, None, :3])
-    forward = replace(forward, records=records)
-    faults = instrument_faults(forward, widths or {})
-    opened = tuple(_opened(entry, forward) for entry in model.entries)
-    whole = replace(model, entries=(*opened, *((one, one.neutral) for one in faults)))
-    drag = [effect for effect, _ in opened if all(effect is not e for e, _ in model.entries)]
-    free = free_parameters(whole, [*drag, *faults, *baseline.instruments])
-    fit = fit_model(forward, whole, free, (fit.nuisance, fit.law_offsets))
-    return Prepared(forward, known, noise, fit)
+    return replace(forward, records=records), noise
 
 
 def _with_instruments(forward: Forward, model: ForwardModel) -> ForwardModel:
