@@ -155,7 +155,7 @@ def _told(
         if max(before.misfit, after.misfit) > _MISFIT**2:
             continue
         told = _weighed(before, after, moment.head.size, swing)
-        if told is not None:
+        if told is not None and not _bent(moment):
             yield told[0] - _LEFT_OUT_PRICE * moment.left_out, told[1]
 
 
@@ -242,6 +242,39 @@ def _law(piece: _SeenThing, counts: tuple[int, ...], side: int) -> _State | None
     return None
 
 
+def _bent(moment: _Moment) -> bool:
+    """Whether a path that bends once explains a moment as well as a leap between two laws.
+
+    A thing that is set in motion a few frames before has a law of rest and motion in one, which
+    leads to another place.
+    """
+    head, tail = moment.head.at(_last(moment.head, -1)), moment.tail.at(_last(moment.tail, 1))
+    frame = np.concatenate([head.frame, tail.frame]).astype(np.float64)
+    place, variance = np.concatenate([head.place, tail.place]), head.variance[0]
+    time = (frame - frame[0]) / (frame[-1] - frame[0])
+    run_on = np.column_stack([np.ones_like(time), time, time * time])
+    after = np.arange(len(frame)) >= len(head.frame)
+    two = np.column_stack([run_on * ~after[:, None], run_on * after[:, None]])
+    leap = _left_over(two, place) / variance
+    bends = [np.column_stack([run_on, np.maximum(time - knee, 0.0)]) for knee in time[2:-2]]
+    bend = min(_left_over(bent, place) for bent in bends) / variance
+    # evidence by the number of parameters of each axis: six of a leap, four of a bend
+    price = place.shape[1] * (6 - 4) * np.log(len(frame))
+    return bool(bend - leap < price + 2.0 * (_CHANGES - _LEAPS))
+
+
+def _last(piece: _SeenThing, side: int) -> NDArray[np.bool_]:
+    """Rows of a piece's first frames, or with side -1 its last."""
+    rows = np.arange(len(piece.frame))
+    return np.asarray(rows < _NEAR[0] if side > 0 else rows >= len(rows) - _NEAR[0])
+
+
+def _left_over(columns: FloatArray, place: FloatArray) -> float:
+    """Sum of the squares that a linear law leaves, px²."""
+    found = np.linalg.lstsq(columns, place, rcond=None)[0]
+    return float(((place - columns @ found) ** 2).sum())
+
+
 def _weighed(
     before: _State, after: _State, size: float, swing: _SeenThing | None
 ) -> tuple[float, LostFrames] | None:
@@ -277,15 +310,11 @@ def _otherwise(before: _State, after: _State, gap: int, size: float, speed: floa
     """Log chances of a law that goes on, one that changes, and of another thing from there on."""
     on = _apart(before, after, gap, size)
     bend = float(np.hypot(*after.state[2])) + float(np.hypot(*before.state[2])) + speed / _NEAR[0]
-    changes = _apart(before, after, gap, size, np.diag([0.0, speed**2, bend**2]))
     elsewhere = np.diag([(_ASTRAY * size) ** 2, speed**2, bend**2])
-    beside = np.diag([(0.1 * size) ** 2, (0.1 * speed) ** 2, bend**2])
     return np.array(
         [
             on,
-            _CHANGES + changes,
             _LEAPS + _apart(before, after, gap, size, elsewhere),
-            _LEAPS + _apart(before, after, gap, size, beside),
         ]
     )
 

@@ -1,5 +1,7 @@
 """Frames lost without a trace: told where they are, so many as they are, and nowhere else."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -66,6 +68,29 @@ def test_a_strike_a_bounce_and_a_slip_to_another_thing_are_no_lost_frames(seed: 
     slipped[100:] -= 0.4 * (time[100:, None] - 100.0) * np.array([0.3, -0.2])
     for path in (whole, bounced, slipped):
         assert lost_frames(_track(frame, path, seed)) is None
+
+
+def test_a_ball_set_in_motion_by_another_is_no_lost_frame() -> None:
+    # as followed in a ray-traced collision, 0.01 px: it lay still up to frame 22, then rolled away
+    x = (
+        "128 98 118 69 132 94 120 66 134 94 123 69 128 127 133 220 275 248 330 410 389 494 "
+        "537 629 623 698 668 744 822 815 914 909 955 937 1040 1036 1108 1088 1176 1179 1228 "
+        "1202 1280 1312 1382 1358"
+    )
+    y = (
+        "20 5 2 12 24 16 9 19 31 16 8 11 23 6 22 16 3 7 0 -2 5 18 2 20 17 12 29 21 7 27 4 -1 "
+        "-2 15 10 13 -2 22 29 22 4 12 16 -7 8 23"
+    )
+    frame = np.array(
+        [*range(13), 14, 16, 25, 26, 27, *range(29, 33), 34, *range(36, 40), *range(41, 60)]
+    )
+    place = np.array([x.split(), y.split()], dtype=float).T / 100.0
+    followed = replace(
+        _track(frame, place, 0, 10.8),
+        centre_px=place,
+        covariance_px2=0.28**2 * np.tile(np.eye(2), (len(place), 1, 1)),
+    )
+    assert lost_frames(followed) is None
 
 
 def test_a_clip_is_followed_as_if_its_lost_frames_had_been_there_and_told() -> None:
