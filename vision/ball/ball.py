@@ -541,16 +541,17 @@ NEAR_RADII = 0.3
 
 
 def _as_looked(path: BallPath, found: BallFits) -> BallFits:
-    """Leave out outlines of frames in which the ball was looked at in another place.
+    """Leave out outlines of successive frames in which the ball was looked at in another place.
 
     Where the ball hides the scene behind it nearly always, an outline may settle on the edge
-    between what is known of the scene and what is not.
+    between what is known of the scene and what is not. One look alone may be what is wrong.
     """
-    looked = np.isin(found.frame, path.frame)
+    looked = np.flatnonzero(np.isin(found.frame, path.frame))
     look = path.centre_px[np.searchsorted(path.frame, found.frame[looked])]
     away = np.hypot(*(found.centre[looked] - look).T)
-    looked[looked] = away > NEAR_RADII * path.radius + 1.0
-    return found.at(~looked)
+    beside = np.pad(away > NEAR_RADII * path.radius + 1.0, 1)
+    again = beside[1:-1] & (beside[:-2] | beside[2:])
+    return found.at(np.setdiff1d(np.arange(len(found)), looked[again]))
 
 
 def outlines_near(
