@@ -4,9 +4,10 @@ from pathlib import Path
 
 import pandas as pd
 
+from bench.real.row import Explain, Row, words
 from metrology import write_text_whole
 
-__all__ = ["convert"]
+__all__ = ["convert", "rows"]
 
 
 def convert(source: Path, target: Path, recording: str) -> None:
@@ -38,3 +39,21 @@ viscosity = "1.82e-5 Pa s"
 effects = ["gravity"]
 """,
     )
+
+
+def rows(source: Path, cache: Path, explain: Explain) -> list[Row]:
+    """One row for each recording: drag is wrong, scale and tilt are right."""
+    found = []
+    for recording in pd.read_csv(source / "flights.csv")["recording"].unique():
+        folder = cache / f"juggling_{recording}"
+        convert(source, folder, recording)
+        answer = explain(folder, folder / "answer.json")
+        sizes = ", ".join(
+            f"{named.id} {name} {value:.3g} ± {std or float('nan'):.1g}"
+            for named in answer.named
+            for name, (value, std) in named.parameters.items()
+        )
+        drag = "DRAG NAMED; " if "drag" in answer.ids else ""
+        found.append(f"{recording}: {drag}{words(answer)} {sizes}".strip())
+    return [Row("juggling_mocap: not drag: scale and tilt", "not drag", "with sizes",
+                " / ".join(found))]  # fmt: skip

@@ -1,0 +1,24 @@
+"""Run the engine on real and simulated recordings and print the table."""
+
+import argparse
+import tempfile
+from pathlib import Path
+
+from bench.concealed.engine import engine_answer
+from bench.real.table import real_rows, real_table
+
+ROOT = Path(__file__).parents[2]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m bench.real", description=__doc__)
+    parser.add_argument("--source", type=Path, default=ROOT.parent / "shared" / "realdata")
+    parser.add_argument("--set", dest="chosen", help="one set alone")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as cache:
+        found = real_rows(options.source, Path(cache), engine_answer, options.chosen)
+    print("\n".join(real_table(found)))
+
+
+if __name__ == "__main__":
+    main()
