@@ -154,9 +154,9 @@ def _told(
             continue
         if max(before.misfit, after.misfit) > _MISFIT**2:
             continue
-        told = _weighed(before, after, moment.head.size, swing)
-        if told is not None and not _bent(moment):
-            yield told[0] - _LEFT_OUT_PRICE * moment.left_out, told[1]
+        found = _weighed(before, after, moment.head.size, swing)
+        if found is not None and not _bent(moment):
+            yield found[0] - _LEFT_OUT_PRICE * moment.left_out, found[1]
 
 
 def _of(track: Track) -> _SeenThing:

@@ -44,6 +44,7 @@ from pipelines.measure.inputs import (
 )
 from pipelines.measure.measurement import ClipMeasurement, motion_warning
 from pipelines.measure.metres import (
+    MAX_ESTIMATE_DIFFERENCE,
     AssumedLens,
     CameraMapping,
     MetricTracks,
@@ -366,7 +367,8 @@ def measure_clip(
     followed = FollowedClip(tracks, seen.clock, rate, inputs, options.scale_m_per_px)
     fitted = fitted_once(clip, options, lambda: fit_tracks(followed, report, kept))
     found = quantities_of(fitted, report, options.budget, options.wanted)
-    return measurement_of(seen.info, followed, found, seen.warnings)
+    warnings = (*seen.warnings, *_pivot_doubts(seen.tracks, tracks))
+    return measurement_of(seen.info, followed, found, warnings)
 
 
 PIVOT_STD_PX = 1.0
@@ -391,6 +393,22 @@ def _about(tracks: Tracks, pivot_at: tuple[float, float]) -> Tracks:
             hint="Give the point about which it turns; it may be outside the frame.",
         )
     return replace(tracks, pendulum=pendulum.about(np.array(pivot_at), PIVOT_STD_PX))
+
+
+def _pivot_doubts(seen: Tracks, stated: Tracks) -> list[str]:
+    """What contradicts a stated pivot."""
+    if seen.pendulum is None or stated.pendulum is None or not stated.pendulum.pivot_given:
+        return []
+    apart = stated.pendulum.pivot_px - seen.pendulum.pivot_px
+    covariance = seen.pendulum.pivot_covariance_px2 + stated.pendulum.pivot_covariance_px2
+    squared = float(apart @ np.linalg.solve(covariance, apart))
+    if squared < MAX_ESTIMATE_DIFFERENCE**2:
+        return []
+    return [
+        f"The stated pivot is {np.hypot(*apart):.0f} px from the point about which the mass turns "
+        "in the picture, more than its uncertainty explains. Angles, speeds and contact time hold "
+        "only if the stated pivot is right: check --pivot-at, or leave it out."
+    ]
 
 
 def _opened(path: Path, every: int, kept: KeptResults | None) -> ClipReader:

@@ -39,6 +39,7 @@ from pipelines.measure.metres import (
     MAX_ESTIMATE_DIFFERENCE,
     MetricTracks,
     arm_along_bar,
+    to_length,
 )
 from pipelines.setup.file import Origin
 from vision.tracks import FollowedObject, Track, Tracks
@@ -1412,15 +1413,11 @@ def _at_given_length(
     one is left to the check, and so is one of the presets, which may be of another apparatus.
     """
     length = inputs.rig.length
-    seen = float(arm_along_bar(tracks.rest_m - pivot, phi))
-    if length.value_from is Origin.PRESET or seen <= 0.0:
+    if length.value_from is Origin.PRESET:
         return pivot
-    apart, given_std = math.log(inputs.pendulum.length / seen), max(length.relative_std, 1e-4)
-    if abs(apart) > MAX_ESTIMATE_DIFFERENCE * math.hypot(ARM_RELATIVE_STD, given_std):
-        return pivot
-    weight = ARM_RELATIVE_STD**2 / (ARM_RELATIVE_STD**2 + given_std**2)
-    further = seen * math.expm1(weight * apart)
-    return np.asarray(pivot - further * np.array([math.sin(phi), -math.cos(phi)]))
+    given_std = max(length.relative_std, 1e-4)
+    arm = tracks.rest_m - pivot
+    return pivot + to_length(arm, phi, inputs.pendulum.length, ARM_RELATIVE_STD, given_std)
 
 
 def _with_face(

@@ -41,6 +41,7 @@ __all__ = [
     "radius_relative_std",
     "scene_evidence",
     "stated_evidence",
+    "to_length",
     "tracks_in_metres",
 ]
 
@@ -415,26 +416,12 @@ def tracks_in_metres(
     NotFoundError
         If the ball is never at rest before it is struck.
     """
-    if tracks.rest_frames is None:
-        raise NotFoundError(
-            "the ball is never at rest in the clip, so there is no strike to measure",
-            hint="Start the clip before the ball is struck, or point at the ball with --ball-at.",
-        )
+    first, last = _rest_frames(tracks)
     direction = flight_direction(tracks)
     flip = np.array([direction, 1.0])
     ball = tracks.ball
     position, covariance = mapping.ball(ball.centre_px, ball.covariance_px2)
-    still = (ball.frame >= tracks.rest_frames[0]) & (ball.frame <= tracks.rest_frames[1])
-    if not still.any():
-        raise NotFoundError(
-            "the ball is not clearly visible while at rest",
-            hint="Point at it with --ball-at X,Y, or film against a contrasting background.",
-        )
-    if _moves_at_rest(ball, still):
-        raise NotFoundError(
-            "the tracked object moves from the first frame on, so there is no strike to measure",
-            hint="Start the clip before the ball is struck, or point at the ball with --ball-at.",
-        )
+    still = (ball.frame >= first) & (ball.frame <= last)
     std = np.sqrt(np.diagonal(covariance[still], axis1=1, axis2=2)).mean(axis=0)
     residual_std = position[still].std(axis=0) if still.sum() > 3 else std
     pendulum = tracks.pendulum
@@ -443,7 +430,7 @@ def tracks_in_metres(
     swing = _swing(pendulum, mapping, direction, zero_rad, moved)
     if pendulum is not None and length is not None:
         # what the picture leaves open of the pivot, the given length and the angles say together
-        further = _to_length(swing, pendulum, rest * flip, tracks.rest_frames[1], length)
+        further = _left_open(swing, pendulum, rest * flip, last, length)
         swing = _swing(pendulum, mapping, direction, zero_rad, moved, further)
     radius = mapping.across(ball.centre_px, ball.radius_px)
     scale = radius / float(np.median(ball.radius_px))
@@ -474,6 +461,28 @@ def tracks_in_metres(
         face_slant_std=SLANT_STD if slope is None else mapping.slope_std(slope),
         scaled_by_wall=mapping.scaled_by_wall,
     )
+
+
+def _rest_frames(tracks: Tracks) -> tuple[int, int]:
+    """First and last frame of the ball's rest."""
+    if tracks.rest_frames is None:
+        raise NotFoundError(
+            "the ball is never at rest in the clip, so there is no strike to measure",
+            hint="Start the clip before the ball is struck, or point at the ball with --ball-at.",
+        )
+    first, last = tracks.rest_frames
+    still = (tracks.ball.frame >= first) & (tracks.ball.frame <= last)
+    if not still.any():
+        raise NotFoundError(
+            "the ball is not clearly visible while at rest",
+            hint="Point at it with --ball-at X,Y, or film against a contrasting background.",
+        )
+    if _moves_at_rest(tracks.ball, still):
+        raise NotFoundError(
+            "the tracked object moves from the first frame on, so there is no strike to measure",
+            hint="Start the clip before the ball is struck, or point at the ball with --ball-at.",
+        )
+    return first, last
 
 
 def _moves_at_rest(ball: Track, still: NDArray[np.bool_]) -> bool:
@@ -616,33 +625,55 @@ def arm_along_bar(arm: FloatArray, phi: ArrayLike) -> Any:
     return arm[0] * np.sin(phi) - arm[1] * np.cos(phi)
 
 
-def _to_length(
+def to_length(
+    arm: FloatArray, phi: float, length: float, own_std: float, other_std: float
+) -> FloatArray:
+    """Displacement of a pivot along the bar towards a given length.
+
+    Parameters
+    ----------
+    arm : (2,) array
+        From the pivot to the ball at rest, m.
+    phi : float
+        Angle of the bar at contact, rad.
+    length : float
+        Given distance of the point of contact from the pivot, m.
+    own_std, other_std : float
+        Relative std of the arm from the pivot, and from everything else.
+
+    Returns
+    -------
+    (2,) array
+        m: the part of the difference that the pivot has in its variance; none where given and
+        observed length contradict each other, which is left to the check.
+    """
+    seen = float(arm_along_bar(arm, phi))
+    if seen <= 0.0:
+        return np.zeros(2)
+    apart, std = math.log(length / seen), math.hypot(own_std, other_std)
+    if abs(apart) > MAX_ESTIMATE_DIFFERENCE * std:
+        return np.zeros(2)
+    further = seen * math.expm1((own_std / std) ** 2 * apart)
+    return -further * np.array([math.sin(phi), -math.cos(phi)])
+
+
+def _left_open(
     swing: _SwingInMetres,
     pendulum: PendulumTrack,
     rest: FloatArray,
     frame: int,
     length: tuple[float, float],
 ) -> FloatArray:
-    """Displacement (2,) of the pivot along the bar at contact to the given length, m.
+    """Displacement (2,) of the pivot to the given length as far as its own covariance allows, m.
 
-    A short arc determines its radius poorly, and angles with it. The pivot takes that part of the
-    difference which its own uncertainty has in that of the arm; the scale has the other. A length
-    that contradicts the observed one is left to the check.
+    A short arc determines its radius poorly, and angles with it.
     """
     assert swing.pivot is not None
     place = int(np.argmin(np.abs(pendulum.track.frame - frame)))
-    phi = float(swing.angle[place])
-    seen = float(arm_along_bar(rest - swing.pivot, phi))
-    if seen <= 0.0:
-        return np.zeros(2)
     arm = pendulum.track.centre_px[place] - pendulum.pivot_px
-    variance = float(arm @ pendulum.pivot_covariance_px2 @ arm) / float(arm @ arm) ** 2
-    total = variance + ARM_RELATIVE_STD**2 + length[1] ** 2
-    apart = math.log(length[0] / seen)
-    if abs(apart) > MAX_ESTIMATE_DIFFERENCE * math.sqrt(total):
-        return np.zeros(2)
-    further = seen * math.expm1(variance / total * apart)
-    return -further * np.array([math.sin(phi), -math.cos(phi)])
+    own_std = math.sqrt(arm @ pendulum.pivot_covariance_px2 @ arm) / float(arm @ arm)
+    other_std = math.hypot(ARM_RELATIVE_STD, length[1])
+    return to_length(rest - swing.pivot, float(swing.angle[place]), length[0], own_std, other_std)
 
 
 def _bends(mapping: PlaneMapping, pivot_px: FloatArray, mass_px: FloatArray) -> bool:

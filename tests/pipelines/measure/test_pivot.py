@@ -30,6 +30,19 @@ def test_a_stated_pivot_replaces_the_fitted_one() -> None:
     assert after.value is not None
     assert before.std is not None
     assert abs(before.value - after.value) < before.std
+    assert not any("stated pivot" in one for one in here.warnings)
+
+
+def test_a_pivot_far_from_where_the_mass_turns_is_doubted() -> None:
+    found = strike().tracks.pendulum
+    assert found is not None
+    x, y = found.pivot_px.tolist()
+    options = measure_options(
+        load_setup(CLIP.with_suffix(".toml")), pivot_at=(x, y - 80.0), cache=True
+    )
+    warning = next(one for one in measure_clip(CLIP, options).warnings if "stated pivot" in one)
+    assert "80 px" in warning
+    assert "--pivot-at" in warning
 
 
 @pytest.mark.parametrize(
