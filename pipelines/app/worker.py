@@ -125,6 +125,8 @@ class Measurer:
         with self._lock:
             self._number += 1
             if self._process is not None:
+                # the thread that listens has nothing to report of this one
+                self._pipe = None
                 self._process.terminate()
                 self._process.join()
                 self._process = None
