@@ -356,6 +356,9 @@ MassAtOption = Annotated[
 PivotAtOption = Annotated[
     str | None, typer.Option("--pivot-at", metavar="X,Y", help="The pendulum's pivot, px.")
 ]
+LandingAtOption = Annotated[
+    str | None, typer.Option("--landing-at", metavar="X,Y", help="Ball's centre at landing, px.")
+]
 KindOption = Annotated[
     str | None,
     typer.Option("--kind", metavar="KIND", help="Kind of motion, if the one found is wrong."),

@@ -376,6 +376,8 @@ class Tracks:
         clip after which they are missing, and their number.
     found : FoundObjects or None
         Detections and tracklets from which they were made; None for tracks of another program.
+    landing_px : (2,) array or None
+        Where a person states that the ball's centre lands, px.
     """
 
     ball: Track
@@ -390,6 +392,7 @@ class Tracks:
     reasons: tuple[str, ...] = ()
     lacks: tuple[tuple[int, int], ...] = ()
     found: "FoundObjects | None" = None
+    landing_px: FloatArray | None = None
 
     def on_clock(self, clock: FloatArray) -> FloatArray:
         """Times of the clip's frames (F,) in camera frames, dropped ones included."""

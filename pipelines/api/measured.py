@@ -290,6 +290,7 @@ def measure(
     kind: str | None = None,
     tracklets: object = None,
     pivot_at: tuple[float, float] | str | None = None,
+    landing_at: tuple[float, float] | str | None = None,
 ) -> Measurement:
     """Measure one clip.
 
@@ -320,6 +321,8 @@ def measure(
         `Measurement.tracklets`, corrected: the rows with 1 in the column `measured` are followed.
     pivot_at : (x, y), optional
         The pendulum's pivot, px, where the fitted one is wrong.
+    landing_at : (x, y), optional
+        The ball's centre at landing, px, where the one found is wrong or none is found.
 
     Returns
     -------
@@ -348,6 +351,7 @@ def measure(
         every=every,
         kind=kind,
         pivot_at=pivot_at,
+        landing_at=landing_at,
     )
     if tracklets is not None:
         options = replace(options, corrected=_corrected(tracklets))

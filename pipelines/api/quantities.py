@@ -291,13 +291,14 @@ def measure_options(
     every: int = 1,
     kind: str | None = None,
     pivot_at: At = None,
+    landing_at: At = None,
 ) -> MeasureOptions:
     """Options of the measuring chain, each checked before any work.
 
     `cache` allows reading and writing earlier results. `scale` is that of the plane of motion (bare
     numbers: m/px) and takes precedence over the wall of the setup. `budget` selects how effects of
     the inputs are propagated. `every` reads every n-th picture only. `kind` is the kind of motion.
-    `pivot_at` takes the place of the fitted pivot.
+    `pivot_at` takes the place of the fitted pivot, `landing_at` that of the flight's end.
 
     Raises
     ------
@@ -320,7 +321,8 @@ def measure_options(
         wall_grid=length_text(wall_grid),
         ball_at=point_from("--ball-at", ball_at),
         mass_at=point_from("--mass-at", mass_at),
-        pivot_at=None if pivot_at is None else _pivot_from(pivot_at),
+        pivot_at=_fixed_point("--pivot-at", pivot_at),
+        landing_at=_fixed_point("--landing-at", landing_at),
         scale_m_per_px=None if scale is None else read_scale(scale, "--scale"),
         budget=budget,
         cache=cache,
@@ -329,12 +331,12 @@ def measure_options(
     )
 
 
-def _pivot_from(at: Any) -> tuple[float, float]:
-    point = point_from("--pivot-at", at)
-    assert point is not None
-    if len(point) == 3:
+def _fixed_point(option: str, at: At) -> tuple[float, float] | None:
+    point = point_from(option, at)
+    if point is not None and len(point) == 3:
         raise UsageError(
-            f"--pivot-at {at!r} names a frame, but the pivot rests", hint="As in --pivot-at 120,-8."
+            f"{option} {at!r} names a frame, but the point is the same in all frames",
+            hint=f"As in {option} 120,88.",
         )
     return point
 

@@ -10,9 +10,10 @@ from metrology import ImpactVisionError
 __all__ = ["in_fields", "in_python", "worded_for_python"]
 
 _ARGUMENTS = (
-    "fps", "ball", "wall-grid", "fine-grid", "ball-at", "mass-at", "pivot-at", "scale", "setup",
-    "lens", "support-height", "camera-distance", "ball-plane", "backswing", "impact-speed", "cor",
-    "drag", "trials", "every", "hold-out", "out", "jobs", "pendulum", "tracklets", "detections",
+    "fps", "ball", "wall-grid", "fine-grid", "ball-at", "mass-at", "pivot-at", "landing-at",
+    "scale", "setup", "lens", "support-height", "camera-distance", "ball-plane", "backswing",
+    "impact-speed", "cor", "drag", "trials", "every", "hold-out", "out", "jobs", "pendulum",
+    "tracklets", "detections",
 )  # fmt: skip
 """Options that are arguments of the same name."""
 

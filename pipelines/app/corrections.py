@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "END_STD_PX",
+    "FIXED_POINTS",
     "ClipInputs",
     "Corrections",
     "History",
@@ -39,6 +40,9 @@ __all__ = [
     "table_file",
     "write_corrections",
 ]
+
+FIXED_POINTS = ("pivot", "landing")
+"""Corrected points that are the same in every frame."""
 
 MAX_MARKS = 10_000
 """Marks of one clip (chosen: more than anybody sets by hand)."""
@@ -152,8 +156,8 @@ class Corrections:
         On the pendulum's mass.
     stick : Stick or None
         Takes the place of a typed scale.
-    pivot : (x, y) or None
-        Takes the place of the fitted pivot, px.
+    pivot, landing : (x, y) or None
+        Take the place of the fitted pivot and of the flight's end, px.
     """
 
     inputs: ClipInputs = field(default_factory=ClipInputs)
@@ -161,6 +165,7 @@ class Corrections:
     mass: ObjectMark | None = None
     stick: Stick | None = None
     pivot: tuple[float, float] | None = None
+    landing: tuple[float, float] | None = None
 
     def with_ball(self, mark: ObjectMark) -> "Corrections":
         """With a mark on the ball, which replaces an earlier one in the same frame."""
@@ -244,7 +249,7 @@ def read_corrections(path: Path) -> Corrections:
         return Corrections()
     name = shown_path(path)
     document = parse_toml(read_small_text(path, what="the corrections"), name)
-    unknown = document.keys() - {"inputs", "ball", "mass", "stick", "pivot"}
+    unknown = document.keys() - {"inputs", "ball", "mass", "stick", *FIXED_POINTS}
     known = {one.name for one in fields(ClipInputs)}
     inputs = document.get("inputs", {})
     if not isinstance(inputs, dict):
@@ -263,16 +268,17 @@ def read_corrections(path: Path) -> Corrections:
         marks,
         None if mass is None else _mark(name, "[mass]", mass),
         _stick(name, document["stick"]) if "stick" in document else None,
-        _pivot(name, document["pivot"]) if "pivot" in document else None,
+        *(_fixed_point(name, f"[{key}]", document.get(key)) for key in FIXED_POINTS),
     )
 
 
-def _pivot(name: str, held: Any) -> tuple[float, float]:
+def _fixed_point(name: str, place: str, held: Any) -> tuple[float, float] | None:
+    if held is None:
+        return None
     if not isinstance(held, dict) or held.keys() != {"x_px", "y_px"}:
-        raise _wrong(name, "[pivot] needs x_px and y_px")
-    return _pixels(name, "[pivot]", "x_px", held["x_px"]), _pixels(
-        name, "[pivot]", "y_px", held["y_px"]
-    )
+        raise _wrong(name, f"{place} needs x_px and y_px")
+    x, y = (_pixels(name, place, key, held[key]) for key in ("x_px", "y_px"))
+    return x, y
 
 
 def _stick(name: str, held: Any) -> Stick:
@@ -335,8 +341,9 @@ def write_corrections(path: Path, corrections: Corrections) -> None:
         document["mass"] = table(corrections.mass)
     if corrections.stick is not None:
         document["stick"] = asdict(corrections.stick)
-    if corrections.pivot is not None:
-        document["pivot"] = dict(zip(("x_px", "y_px"), corrections.pivot, strict=True))
+    for key in FIXED_POINTS:
+        if (point := getattr(corrections, key)) is not None:
+            document[key] = dict(zip(("x_px", "y_px"), point, strict=True))
     document["ball"] = [table(mark) for mark in corrections.ball]
     text = "# Written by vision app. Positions in px, frames count from 0.\n"
     write_text_whole(path, text + tomli_w.dumps(document))
@@ -412,8 +419,9 @@ def _given(corrections: Corrections, corrected: bool) -> dict[str, str]:
         points["ball_at"] = _point(corrections.ball[-1])
     if corrections.mass is not None:
         points["mass_at"] = _point(corrections.mass)
-    if corrections.pivot is not None:
-        points["pivot_at"] = "{:g},{:g}".format(*corrections.pivot)
+    for key in FIXED_POINTS:
+        if (point := getattr(corrections, key)) is not None:
+            points[f"{key}_at"] = "{:g},{:g}".format(*point)
     return points
 
 

@@ -207,7 +207,6 @@ function draw() {
     const [x2, y2] = at(joined);
     make("svg:line", {x1: x, y1: y, x2, y2, class: "vs-point", "stroke-width": 1.6 * unit}, now.svg);
   }
-  if (marks.landing) cross(marks.landing, "landing");
   if (now.cross) cross(now.cross, "cross");
 }
 function cross([x, y], kind, label) {

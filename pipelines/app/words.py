@@ -439,6 +439,7 @@ _PLACES = {
     "ball-at": "this_ball",
     "mass-at": "this_mass",
     "pivot-at": "pivot",
+    "landing-at": "point_landing",
     "support-height": "support",
     "camera-distance": "camera_distance",
     "ball-plane": "ball_plane",

@@ -83,6 +83,7 @@ DERIVED: dict[str, str] = {
     "landing_moment": "s",
     "landing_height": "m",
     "landing_distance_seen": "m",
+    "landing_beyond_flight": "m",
     **OTHER_SPEEDS,
     "eq7_by_gravity": "m/s",
 }
@@ -102,8 +103,8 @@ class _Shift:
         m.
     face : (2,) array or None
         Of the face's offset at onset and release, m.
-    landing : (1,) array or None
-        Of the observed touch-down, along the flight, m.
+    landing : (2,) array or None
+        Of the observed or stated touch-down, m.
     """
 
     flight: FloatArray | None = None
@@ -122,7 +123,7 @@ class _DrawnParts:
     view: ImpactView | None
     face: FloatArray
     rest: FloatArray
-    landing_x: float | None
+    landing: FloatArray | None
 
 
 def derived_values(
@@ -169,7 +170,7 @@ def _blocks(impact: Impact) -> list[tuple[Callable[[FloatArray], _Shift], FloatA
             (lambda step: _Shift(face=step), impact.contact.face_covariance),
         ]
     if impact.landing is not None:
-        spread = impact.landing.covariance[1:2, 1:2]
+        spread = impact.landing.covariance[1:, 1:]
         blocks.append((lambda step: _Shift(landing=step), spread))
     return blocks
 
@@ -177,7 +178,7 @@ def _blocks(impact: Impact) -> list[tuple[Callable[[FloatArray], _Shift], FloatA
 def _shifted(impact: Impact, shift: _Shift) -> _DrawnParts:
     flight, view, rest = impact.flight, impact.view, impact.tracks.rest_m
     face = np.zeros(2) if impact.contact is None else impact.contact.face
-    landing_x = None if impact.landing is None else float(impact.landing.place_m[0])
+    landing = None if impact.landing is None else impact.landing.place_m
     if shift.flight is not None:
         fitted = replace(flight.fitted, values=flight.fitted.values + shift.flight)
         flight = replace(flight, fitted=fitted)
@@ -185,8 +186,8 @@ def _shifted(impact: Impact, shift: _Shift) -> _DrawnParts:
         rest = rest + shift.rest
     if shift.face is not None:
         face = face + shift.face
-    if shift.landing is not None and landing_x is not None:
-        landing_x += float(shift.landing[0])
+    if shift.landing is not None and landing is not None:
+        landing = landing + shift.landing
     if view is not None:
         view = replace(
             view,
@@ -195,7 +196,7 @@ def _shifted(impact: Impact, shift: _Shift) -> _DrawnParts:
             before=_moved_parts(view.before, shift.before),
             after=_moved_parts(view.after, shift.after),
         )
-    return _DrawnParts(flight, view, face, rest, landing_x)
+    return _DrawnParts(flight, view, face, rest, landing)
 
 
 def _moved_parts(swing: SwingFit, step: FloatArray | None) -> SwingFit:
@@ -231,22 +232,39 @@ class _Strike:
         return np.asarray(self.parts.flight.states(np.array([self.release_s]))[0])
 
     @cached_property
+    def floor(self) -> float | None:
+        """Height of the ball's centre at landing, m: where it was stated, else from the support."""
+        if self.impact.tracks.landing is not None and self.parts.landing is not None:
+            return float(self.parts.landing[1])
+        fall = self.inputs.fall
+        return None if fall is None else float(self.parts.rest[1]) - fall
+
+    @cached_property
     def landing(self) -> tuple[float, FloatArray] | None:
         """Time and state (4,) of landing; None if the ball does not land."""
-        fall = self.inputs.fall
-        if fall is None:
-            return None
-        landed = self.parts.flight.falls_to(float(self.parts.rest[1]) - fall)
+        landed = None if self.floor is None else self.parts.flight.falls_to(self.floor)
         if landed is None:
             return None
         return landed, self.parts.flight.states(np.array([landed]))[0]
 
     @cached_property
+    def distance(self) -> float:
+        """Distance of the landing from rest, m: where it was stated, else from the flight."""
+        if self.impact.tracks.landing is not None:
+            return self.distance_seen
+        return self.distance_flown
+
+    @cached_property
+    def distance_flown(self) -> float:
+        """Distance from rest at which the fitted flight lands, m; NaN if it does not."""
+        return self.of_landing(lambda _, there: float(there[0] - self.parts.rest[0]))
+
+    @cached_property
     def distance_seen(self) -> float:
         """Distance of the observed touch-down from rest, m; NaN if it is not observed."""
-        if self.inputs.fall is None or self.parts.landing_x is None:
+        if self.parts.landing is None:
             return np.nan
-        return self.parts.landing_x - float(self.parts.rest[0])
+        return float(self.parts.landing[0] - self.parts.rest[0])
 
     @cached_property
     def swung(self) -> "_Swung | None":
@@ -288,11 +306,10 @@ class _Strike:
         return eq7_gravity_excess(self.inputs.pendulum, mass, middle, swung.arm, pull)
 
     def cor_range(self, swung: "_Swung", mass: float) -> float:
-        if not np.isfinite(self.distance_seen):
+        if self.floor is None or not np.isfinite(self.distance_seen):
             return np.nan
-        launched = _launch_for_distance(
-            self.parts.flight, self.state, self.parts.rest, self.distance_seen, self.inputs
-        )
+        place = np.array([self.parts.rest[0] + self.distance_seen, self.floor])
+        launched = _launch_to(self.parts.flight, self.state, place)
         return np.nan if launched is None else swung.cor_of(launched, mass)
 
 
@@ -428,7 +445,7 @@ _VALUES: dict[str, Callable[[_Strike], float]] = {
     "pendulum_speed_after": lambda s: s.of_swings(lambda w: w.speed_after),
     "ball_speed": lambda s: float(np.hypot(*s.state[2:])),
     "launch_angle": lambda s: float(np.degrees(np.arctan2(s.state[3], s.state[2]))),
-    "landing_distance": lambda s: s.of_landing(lambda _, there: float(there[0] - s.parts.rest[0])),
+    "landing_distance": lambda s: s.distance,
     "landing_time": lambda s: (
         np.nan if s.contact is None else s.of_landing(lambda landed, _: landed) - s.contact[0]
     ),
@@ -443,6 +460,7 @@ _VALUES: dict[str, Callable[[_Strike], float]] = {
     "landing_moment": lambda s: s.of_landing(lambda landed, _: landed),
     "landing_height": lambda s: s.of_landing(lambda _, there: float(there[1])),
     "landing_distance_seen": lambda s: s.distance_seen,
+    "landing_beyond_flight": lambda s: s.distance_seen - s.distance_flown,
     "ball_speed_per_frame": lambda s: s.per_frame,
     "ball_speed_eq7": lambda s: s.of_masses(s.eq7),
     "eq7_by_gravity": lambda s: s.of_masses(s.eq7_by_gravity),
@@ -459,24 +477,19 @@ def _evaluate(impact: Impact, inputs: Inputs, shift: _Shift, names: Container[st
     return np.array([_VALUES[name](strike) if name in names else np.nan for name in DERIVED])
 
 
-def _launch_for_distance(
-    flight: FlightFit, state: FloatArray, rest: FloatArray, distance: float, inputs: Inputs
-) -> FloatArray | None:
-    """Release state in the measured direction whose flight lands at `distance` (Eqs 13-17).
+def _launch_to(flight: FlightFit, state: FloatArray, place: FloatArray) -> FloatArray | None:
+    """Release state in the measured direction whose flight lands at `place` (Eqs 13-17).
 
     Drag and lift are those fitted to this flight, while Eq. 17 has only drag.
     """
     forces = flight.fitted.values[4:]
-    fall = inputs.fall
-    assert fall is not None
 
     def miss(fraction: float) -> float:
         values = np.concatenate([state[:2], state[2:] * fraction, forces])
-        landed = flight.falls_to(float(rest[1]) - fall, values)
+        landed = flight.falls_to(float(place[1]), values)
         if landed is None:
-            return -distance
-        there = flight.states(np.array([landed]), values)[0]
-        return float(there[0] - rest[0]) - distance
+            return float(state[0] - place[0])
+        return float(flight.states(np.array([landed]), values)[0, 0] - place[0])
 
     if miss(0.7) * miss(1.4) > 0:
         return None

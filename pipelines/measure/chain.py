@@ -5,6 +5,7 @@ measurement also on the quantities asked for.
 """
 
 import functools
+import math
 import os
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
@@ -22,6 +23,7 @@ from metrology.kept import KeptResults
 from pipelines.cache import Cache, clip_digest
 from pipelines.checker.clips import clip_findings
 from pipelines.measure.budget import (
+    DERIVED,
     ClipConditions,
     Propagation,
     derived_values,
@@ -35,6 +37,7 @@ from pipelines.measure.gravity import scale_std, seen_fall, with_fitted_slant
 from pipelines.measure.impact import Impact, find_impact, next_strike_time, other_strikes
 from pipelines.measure.inputs import (
     LENGTHLESS_UNITS,
+    OF_THE_SUPPORT,
     TIMELESS_UNITS,
     Assumption,
     Inputs,
@@ -45,6 +48,7 @@ from pipelines.measure.inputs import (
 from pipelines.measure.measurement import ClipMeasurement, motion_warning
 from pipelines.measure.metres import (
     MAX_ESTIMATE_DIFFERENCE,
+    STATED_STD_PX,
     AssumedLens,
     CameraMapping,
     MetricTracks,
@@ -204,8 +208,9 @@ class MeasureOptions:
     `scale_m_per_px` is a scale in the plane of motion with its standard uncertainty, m/px; with it
     the wall is not calibrated. `joint_rate` is used where no rate is given. `wanted` names the
     quantities to evaluate, with everything their uncertainties and checks need; None: all. Of
-    `every` n pictures one is read. `pivot_at` takes the place of the fitted pivot (px), `corrected`
-    that of what is found in the clip, `kind` that of the most probable kind of motion.
+    `every` n pictures one is read. `pivot_at` takes the place of the fitted pivot (px),
+    `landing_at` that of the flight's end, `corrected` that of what is found in the clip, `kind`
+    that of the most probable kind of motion.
     """
 
     setup: Setup = field(default_factory=Setup)
@@ -216,6 +221,7 @@ class MeasureOptions:
     ball_at: Point | None = None
     mass_at: Point | None = None
     pivot_at: tuple[float, float] | None = None
+    landing_at: tuple[float, float] | None = None
     budget: Propagation = Propagation.RESPONSE
     scale_m_per_px: tuple[float, float] | None = None
     joint_rate: CaptureRate | None = None
@@ -364,15 +370,13 @@ def measure_clip(
     if not rate.known and options.joint_rate is not None:
         rate = options.joint_rate
     tracks = seen.tracks if options.pivot_at is None else _about(seen.tracks, options.pivot_at)
+    tracks = tracks if options.landing_at is None else _landing(tracks, options.landing_at)
     followed = FollowedClip(tracks, seen.clock, rate, inputs, options.scale_m_per_px)
     fitted = fitted_once(clip, options, lambda: fit_tracks(followed, report, kept))
     found = quantities_of(fitted, report, options.budget, options.wanted)
-    warnings = (*seen.warnings, *_pivot_doubts(seen.tracks, tracks))
-    return measurement_of(seen.info, followed, found, warnings)
+    doubts = [*_pivot_doubts(seen.tracks, tracks), *_landing_doubts(found.evaluated)]
+    return measurement_of(seen.info, followed, found, (*seen.warnings, *doubts))
 
-
-PIVOT_STD_PX = 1.0
-"""Std of a stated pivot, px (chosen: as well as a point is seen and placed by hand)."""
 
 _MIN_ARM_RADII = 2.0
 """Distance of the pivot from the mass, radii of it (chosen: what is nearer is the mass)."""
@@ -392,7 +396,18 @@ def _about(tracks: Tracks, pivot_at: tuple[float, float]) -> Tracks:
             f"{shown} is on the path of the pendulum's mass",
             hint="Give the point about which it turns; it may be outside the frame.",
         )
-    return replace(tracks, pendulum=pendulum.about(np.array(pivot_at), PIVOT_STD_PX))
+    return replace(tracks, pendulum=pendulum.about(np.array(pivot_at), STATED_STD_PX))
+
+
+def _landing(tracks: Tracks, landing_at: tuple[float, float]) -> Tracks:
+    """Tracks with the stated landing."""
+    if tracks.motion.measured_as is not MotionKind.STRIKE:
+        raise UsageError(
+            f"--landing-at {landing_at[0]:g},{landing_at[1]:g} is given, but the motion is"
+            f" {tracks.motion.measured_as.noun}, and the landing is measured of a struck ball only",
+            hint="Leave it out, or pass --kind strike if the ball is struck.",
+        )
+    return replace(tracks, landing_px=np.array(landing_at))
 
 
 def _pivot_doubts(seen: Tracks, stated: Tracks) -> list[str]:
@@ -408,6 +423,30 @@ def _pivot_doubts(seen: Tracks, stated: Tracks) -> list[str]:
         f"The stated pivot is {np.hypot(*apart):.0f} px from the point about which the mass turns "
         "in the picture, more than its uncertainty explains. Angles, speeds and contact time hold "
         "only if the stated pivot is right: check --pivot-at, or leave it out."
+    ]
+
+
+def _landing_doubts(evaluated: Evaluated) -> list[str]:
+    """What contradicts a stated landing."""
+    if evaluated.metric is None or evaluated.metric.landing is None:
+        return []
+    index = list(DERIVED).index("landing_beyond_flight")
+    apart = float(evaluated.values[index])
+    variances = [float(column[index]) ** 2 for column in evaluated.systematic.values()]
+    std = math.sqrt(float(evaluated.random[index, index]) + sum(variances))
+    if math.isnan(apart):
+        found = "The fitted flight does not come down to the stated landing point."
+    elif abs(apart) < MAX_ESTIMATE_DIFFERENCE * std:
+        return []
+    else:
+        found = (
+            f"The stated landing point is {1e3 * abs(apart):.0f} mm"
+            f" {'beyond' if apart > 0.0 else 'short of'} the fitted flight at that height, more"
+            " than its uncertainty explains."
+        )
+    return [
+        f"{found} Landing distance and time and their COR hold only if the point is right: check"
+        " --landing-at, or leave it out."
     ]
 
 
@@ -617,7 +656,10 @@ def _assumptions(
         assumed.append(Assumption(sentence, quantities_except(LENGTHLESS_UNITS)))
     kind = tracks.motion.measured_as
     assumed += [
-        one for one in inputs.assumed if any(kind in kinds_of(name) for name in one.concerned)
+        one
+        for one in inputs.assumed
+        if any(kind in kinds_of(name) for name in one.concerned)
+        and not (tracks.landing_px is not None and one.concerned == {*OF_THE_SUPPORT})
     ]
     return tuple(assumed)
 

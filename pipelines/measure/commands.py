@@ -49,6 +49,7 @@ from pipelines.doors import (
     JobsOption,
     JsonOption,
     KindOption,
+    LandingAtOption,
     MassAtOption,
     NoCacheOption,
     OutOption,
@@ -418,6 +419,7 @@ def measure_command(
     ball_at: BallAtOption = None,
     mass_at: MassAtOption = None,
     pivot_at: PivotAtOption = None,
+    landing_at: LandingAtOption = None,
     kind: KindOption = None,
     csv: CsvOption = None,
     json: JsonOption = None,
@@ -461,10 +463,8 @@ def measure_command(
             hint="vision measure CLIP, or vision measure --from-tracks FILE",
         )
     if out is not None:
-        option_texts = [
-            str(word)
-            for word in (fps, ball, wall_grid, ball_at, mass_at, pivot_at, kind, *_asked(wanted))
-        ]
+        words = (fps, ball, wall_grid, ball_at, mass_at, pivot_at, landing_at, kind)
+        option_texts = [str(word) for word in (*words, *_asked(wanted))]
         option_texts += ["" if scale is None else scale, str(budget), str(every)]
         option_texts.append("" if setup is None else setup.read_text(encoding="utf-8"))
         _into_folder(clips, options, wanted, Folder(out), option_texts, jobs or os.cpu_count() or 1)
@@ -484,7 +484,7 @@ def _begin(given: Mapping[str, Any]) -> tuple[WantedFiles, MeasureOptions]:
     named = {one.name for one in fields(WantedFiles)}
     wanted = WantedFiles(**{name: value for name, value in given.items() if name in named})
     how = ("setup", "fps", "ball", "wall_grid", "ball_at", "mass_at", "scale", "budget", "every")
-    chosen = {name: given[name] for name in (*how, "kind", "pivot_at")}
+    chosen = {name: given[name] for name in (*how, "kind", "pivot_at", "landing_at")}
     return wanted, measure_options(**chosen, cache=not given["no_cache"])
 
 
@@ -500,6 +500,7 @@ def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # t
         ball_at: BallAtOption = None,
         mass_at: MassAtOption = None,
         pivot_at: PivotAtOption = None,
+        landing_at: LandingAtOption = None,
         kind: KindOption = None,
         csv: CsvOption = None,
         json: JsonOption = None,
@@ -516,7 +517,8 @@ def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # t
         wanted, options = _begin(locals())
         unmeasurable = f"{quantity_label(needed)} can't be measured from {clip}"
         inputs = gather_inputs(options.setup, options.ball, options.wall_grid)
-        missing = missing_input(inputs, needed)
+        stated = options.landing_at is not None
+        missing = missing_input(inputs, needed, landing_stated=stated)
         if missing is not None and not wanted.quiet:
             # other quantities are still measured; this warning comes before the wait
             screen(errors=True).print(f"warning: {unmeasurable}: {missing}", soft_wrap=True)

@@ -424,7 +424,9 @@ def overlay_marks(measured: ClipMeasurement) -> OverlayMarks:
             marks = replace(marks, contact=(first, last))
     landing = measured.quantity("landing_distance")
     calibration = measured.calibration
-    if landing.value is not None and calibration is not None and impact is not None:
+    if measured.tracks.landing_px is not None:
+        marks = replace(marks, landing_px=measured.tracks.landing_px)
+    elif landing.value is not None and calibration is not None and impact is not None:
         x, y = _landing_spot(impact, landing.value)
         spot = np.array([impact.tracks.direction * x, y, calibration.ball_plane_offset])
         marks = replace(marks, landing_px=calibration.camera.project(spot))
@@ -559,6 +561,9 @@ def _frame_speed(
 
 def _landing_spot(impact: Impact, distance: float) -> tuple[float, float]:
     """The ball's centre where it lands, `distance` from its rest: (x, y) in the ball plane, m."""
+    if impact.tracks.landing is not None:
+        x, y = impact.tracks.landing[0]
+        return float(x), float(y)
     flight, x = impact.flight, float(impact.tracks.rest_m[0]) + distance
     drawn_s = np.linspace(flight.reference_s, impact.last_flight_s + MAX_LANDING_GAP_S, 500)
     states = flight.states(drawn_s)

@@ -1205,7 +1205,12 @@ def find_impact(
 def _landing(
     tracks: MetricTracks, inputs: Inputs, flight: FlightFit
 ) -> tuple[LandingSeen | None, str]:
-    """Observed touch-down, or why there is none."""
+    """Stated or observed touch-down, or why there is none."""
+    if tracks.landing is not None:
+        place, spread = tracks.landing
+        lands_at = flight.falls_to(float(place[1]))
+        apart = np.pad(spread, ((1, 0), (1, 0)))
+        return LandingSeen(np.nan if lands_at is None else lands_at, place, apart, False), ""
     if inputs.fall is None:
         return None, "the height of the support is unknown; set [support] height"
     lands_at = flight.falls_to(float(tracks.rest_m[1]) - inputs.fall)

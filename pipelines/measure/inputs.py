@@ -168,7 +168,7 @@ def gather_inputs(setup: Setup, ball: str | None, wall_grid: str | None) -> Inpu
             Assumption(
                 "No support height given: 0.312 m (Ryu et al.) is assumed. Landing and its COR hold"
                 " only for that height. Set [support] height in the setup file.",
-                frozenset(_OF_THE_SUPPORT),
+                frozenset(OF_THE_SUPPORT),
             )
         )
     return Inputs(
@@ -270,7 +270,7 @@ _TABLE: dict[QuantityName, tuple[str, tuple[MotionKind, ...]]] = {
 QUANTITY_UNITS: dict[str, str] = {name.value: unit for name, (unit, _) in _TABLE.items()}
 
 
-_OF_THE_SUPPORT = (
+OF_THE_SUPPORT = (
     QuantityName.LANDING_DISTANCE,
     QuantityName.LANDING_DISTANCE_ON_WALL,
     QuantityName.LANDING_TIME,

@@ -348,6 +348,8 @@ class MetricTracks:
         +1 if the ball flies to the right in the picture, −1 to the left.
     face_slant_std : float
         Std of that slope.
+    landing : (2,) tuple of array or None
+        Stated place of the ball's centre at landing, m, and its covariance (2, 2).
     scaled_by_wall : bool
         Whether the scale comes from a calibrated wall.
     """
@@ -373,6 +375,7 @@ class MetricTracks:
     direction: float
     face_slant_std: float = SLANT_STD
     scaled_by_wall: bool = True
+    landing: tuple[FloatArray, FloatArray] | None = None
 
     @property
     def spherical(self) -> bool:
@@ -460,7 +463,21 @@ def tracks_in_metres(
         direction=direction,
         face_slant_std=SLANT_STD if slope is None else mapping.slope_std(slope),
         scaled_by_wall=mapping.scaled_by_wall,
+        landing=_stated_landing(tracks.landing_px, mapping, flip),
     )
+
+
+STATED_STD_PX = 1.0
+"""Std of a point that a person places, px (chosen: as well as a point is seen and placed)."""
+
+
+def _stated_landing(
+    landing_px: FloatArray | None, mapping: PlaneMapping, flip: FloatArray
+) -> tuple[FloatArray, FloatArray] | None:
+    if landing_px is None:
+        return None
+    place, spread = mapping.ball(landing_px[np.newaxis], STATED_STD_PX**2 * np.eye(2)[np.newaxis])
+    return place[0] * flip, spread[0] * np.outer(flip, flip)
 
 
 def _rest_frames(tracks: Tracks) -> tuple[int, int]:

@@ -125,7 +125,7 @@ _CHECKED = frozenset(
 """Derived values compared by checks that may widen or withhold any quantity of a strike."""
 
 _DERIVED_FROM: dict[str, frozenset[str]] = {
-    QuantityName.LANDING_DISTANCE: frozenset({"landing_moment"}),
+    QuantityName.LANDING_DISTANCE: frozenset({"landing_moment", "landing_beyond_flight"}),
     QuantityName.LANDING_TIME: frozenset({"landing_moment"}),
     QuantityName.LANDING_DISTANCE_ON_WALL: frozenset(
         {"landing_distance", "landing_height", "landing_moment"}
@@ -456,19 +456,28 @@ def _moment_of_release(evaluated: Evaluated, name: str) -> Contribution:
     return Contribution(UncertaintySource.RELEASE_INSTANT, abs(float(change)))
 
 
-def missing_input(inputs: Inputs, name: str) -> str | None:
+def missing_input(inputs: Inputs, name: str, *, landing_stated: bool = False) -> str | None:
     """Input that a quantity needs for any clip and that is not given, or None."""
     if name in (QuantityName.COR_LAUNCH, QuantityName.EXTERNAL_IMPULSE) and (
         inputs.ball is None or inputs.ball.mass is None
     ):
         return "the mass of the ball is unknown; give --ball jokku or a setup file"
-    if name in _LANDING and inputs.fall is None:
-        return "the height of the support is unknown; set [support] height in the setup file"
+    if name in _LANDING and inputs.fall is None and not landing_stated:
+        return (
+            "the height of the support is unknown; set [support] height in the setup file,"
+            " or point at the landing with --landing-at"
+        )
     return None
 
 
+def _states_landing(evaluated: Evaluated) -> bool:
+    """Whether a person stated the place of the landing."""
+    return evaluated.metric is not None and evaluated.metric.landing is not None
+
+
 def _unknown(evaluated: Evaluated, name: str) -> str:
-    missing = missing_input(evaluated.scene.inputs, name)
+    stated = _states_landing(evaluated)
+    missing = missing_input(evaluated.scene.inputs, name, landing_stated=stated)
     if missing is not None:
         return missing
     if name == "gravity" and evaluated.impact is not None:
@@ -486,16 +495,18 @@ def _reasons(evaluated: Evaluated, tracks: Tracks, no_grid: NoScale) -> dict[str
     if not evaluated.scene.rate.known:
         reasons = dict.fromkeys(DERIVED, NO_CLOCK)
     scene, impact = evaluated.scene, evaluated.impact
+    stated = _states_landing(evaluated)
     if scene.calibration is None:
-        landing = f"it needs the wall grid: {no_grid.reason}"
-        reasons |= dict.fromkeys(_LANDING, landing)
+        if not stated:
+            landing = f"it needs the wall grid, or --landing-at: {no_grid.reason}"
+            reasons |= dict.fromkeys(_LANDING, landing)
         wanted = [name for name, unit in DERIVED.items() if unit in _NEEDS_METRES]
         if not math.isfinite(scale_std(scene, tracks)):
             text = f"neither a wall grid nor the ball's size gives a scale ({no_grid.reason})"
-            reasons |= dict.fromkeys([*wanted, "gravity", "launch_angle"], text)
+            reasons |= dict.fromkeys([*wanted, "gravity", "launch_angle", *_LANDING], text)
         elif no_grid.contradicts and impact is not None:
             reasons |= dict.fromkeys([*wanted, *_LANDING], no_grid.reason)
-    if impact is not None and evaluated.metric is not None:
+    if impact is not None and not stated:
         landed = evaluated.values[list(DERIVED).index("landing_moment")]
         if np.isfinite(landed) and not _landing_in_view(evaluated, float(landed)):
             ends = "is last tracked" if _goes_on_in_view(evaluated) else "leaves the picture"

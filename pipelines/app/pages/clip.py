@@ -6,11 +6,10 @@ from functools import partial
 from html import escape
 from typing import Any
 
-import numpy as np
 from nicegui import ui
 
 from metrology import UsageError
-from pipelines.app.corrections import ClipInputs, Corrections, Stick, cure_of
+from pipelines.app.corrections import FIXED_POINTS, ClipInputs, Corrections, Stick, cure_of
 from pipelines.app.figures import LARGE_FIGURES, Figure, Standing
 from pipelines.app.pages.frame import ClipFrame, FramePoint, PlacedAt
 from pipelines.app.pages.spans import SpanCard
@@ -36,7 +35,13 @@ KINDS = ("strike", "flight", "drop", "bounce", "swing", "collision")
 """Kinds of motion of which quantities are measured."""
 
 
-_POINTED = (("ball", "this_ball"), ("mass", "this_mass"), ("pivot", "pivot"), ("end0", "stick"))
+_POINTED = (
+    ("ball", "this_ball"),
+    ("mass", "this_mass"),
+    ("pivot", "pivot"),
+    ("landing", "point_landing"),
+    ("end0", "stick"),
+)
 """What can be pointed at, and the keys of the buttons."""
 
 _ENDS = ("end0", "end1")
@@ -309,9 +314,9 @@ class ClipPage:
             return
         if placed.kind in _ENDS:
             self._place_end(placed)
-        elif placed.kind == "pivot":
-            now = self.clip.corrections
-            self.clip.change(replace(now, pivot=(placed.x, placed.y)))
+        elif placed.kind in FIXED_POINTS:
+            at: dict[str, Any] = {placed.kind: (placed.x, placed.y)}
+            self.clip.change(replace(self.clip.corrections, **at))
         elif placed.kind in _OBJECTS:
             moved = not placed.pointed
             self.clip.mark(placed.kind, placed.frame, placed.x, placed.y, moved=moved)
@@ -338,12 +343,11 @@ class ClipPage:
 
     def _show_points(self) -> None:
         points = [FramePoint(key, x, y, "", "end0") for key, (x, y) in self._ends.items()]
-        pendulum = None if self.clip.measured is None else self.clip.measured.tracks.pendulum
-        pivot = self.clip.corrections.pivot
-        if pivot is None and pendulum is not None and np.isfinite(pendulum.pivot_px).all():
-            pivot = float(pendulum.pivot_px[0]), float(pendulum.pivot_px[1])
-        if pivot is not None:
-            points.append(FramePoint("pivot", *pivot, self.say("pivot")))
+        found = self.clip.marks()
+        for key, label in (("pivot", "pivot"), ("landing", "point_landing")):
+            at = getattr(self.clip.corrections, key) or found[key]
+            if at is not None:
+                points.append(FramePoint(key, at[0], at[1], self.say(label)))
         self._frame.points(points)
 
     def _take_stick(self) -> None:

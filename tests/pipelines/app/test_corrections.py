@@ -9,6 +9,7 @@ import pytest
 from metrology import OutputError, UsageError
 from pipelines.app.corrections import (
     END_STD_PX,
+    FIXED_POINTS,
     ClipInputs,
     Corrections,
     History,
@@ -39,6 +40,7 @@ def test_corrections_survive_the_file(tmp_path: Path) -> None:
         ObjectMark(0, 7.0, 8.0),
         Stick(1.5, 2.0, 301.5, 402.0, "1 m ± 2 mm"),
         (120.5, -8.0),
+        (310.0, 88.25),
     )
     write_corrections(file, corrections)
     assert read_corrections(file) == corrections
@@ -65,6 +67,7 @@ def test_corrections_survive_the_file(tmp_path: Path) -> None:
         ("[mass]\nframe = 1\nx_px = 1", "y_px is 'missing'"),
         ("[mass]\nframe = 1\nz_px = 1", r"\[mass\] needs frame, x_px and y_px"),
         ("[pivot]\nx_px = 1.0", r"\[pivot\] needs x_px and y_px"),
+        ("[landing]\nx_px = 1.0", r"\[landing\] needs x_px and y_px"),
         ("[pivot]\nx_px = 1\ny_px = inf", r"\[pivot\]: y_px is inf"),
         ("[stick]\nx0_px = 1\nlength = '1 m'", r"\[stick\] needs x0_px, y0_px"),
         (STICK.format(x="0.0", length="'1 m'"), "stick is 0.0 px long"),
@@ -202,11 +205,13 @@ def test_a_stick_gives_the_scale_with_the_uncertainty_of_its_ends_and_length() -
     assert "scale='250 px/m ± " in as_python(CLIP, Corrections(stick=stick), corrected=False)
 
 
-def test_a_placed_pivot_is_an_option_in_command_and_python() -> None:
-    corrections = Corrections(pivot=(120.5, -8.0))
-    assert options_of(CLIP, corrections, corrected=False).pivot_at == (120.5, -8.0)
-    assert "--pivot-at 120.5,-8" in as_command(CLIP, corrections, corrected=False)
-    assert "pivot_at='120.5,-8'" in as_python(CLIP, corrections, corrected=False)
+@pytest.mark.parametrize("point", FIXED_POINTS)
+def test_a_placed_point_is_an_option_in_command_and_python(point: str) -> None:
+    corrections = Corrections(**{point: (120.5, -8.0)})
+    options = options_of(CLIP, corrections, corrected=False)
+    assert getattr(options, f"{point}_at") == (120.5, -8.0)
+    assert f"--{point}-at 120.5,-8" in as_command(CLIP, corrections, corrected=False)
+    assert f"{point}_at='120.5,-8'" in as_python(CLIP, corrections, corrected=False)
 
 
 def test_a_proposed_option_is_an_input_of_the_clip() -> None:

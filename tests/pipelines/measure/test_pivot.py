@@ -7,7 +7,8 @@ import pytest
 
 from metrology import UsageError
 from pipelines.api.quantities import measure_options
-from pipelines.measure.chain import PIVOT_STD_PX, measure_clip
+from pipelines.measure.chain import measure_clip
+from pipelines.measure.metres import STATED_STD_PX
 from pipelines.setup.file import load_setup
 from tests.pipelines.app.small import CLIP, strike
 
@@ -21,7 +22,7 @@ def test_a_stated_pivot_replaces_the_fitted_one() -> None:
     pendulum = lower.tracks.pendulum
     assert pendulum is not None
     assert np.allclose(pendulum.pivot_px, (x, y + 15.0))
-    assert np.allclose(np.sqrt(np.diag(pendulum.pivot_covariance_px2)), PIVOT_STD_PX)
+    assert np.allclose(np.sqrt(np.diag(pendulum.pivot_covariance_px2)), STATED_STD_PX)
     # a shorter arm turns by more while the mass moves as far
     assert np.ptp(pendulum.angle_rad) > 1.02 * np.ptp(found.tracks.pendulum.angle_rad)
     here = measure_clip(CLIP, replace(options, pivot_at=(float(x), float(y))))
