@@ -115,7 +115,7 @@ def _fitted(t: FloatArray, place: FloatArray, noise: FloatArray) -> tuple[Fall, 
     return Fall(0, len(t) - 1, 2.0 * fitted[2] / half**2, std), rms
 
 
-_LENGTHS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
+_LENGTHS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
 _TIMES_S = {"s": 1.0, "ms": 1e-3}
 
 _MAX_GRAVITY_DEVIATION = 0.06

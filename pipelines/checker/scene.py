@@ -30,6 +30,10 @@ set-up; blur and lighting enlarge small balls by up to 0.8 px)."""
 _FALL_STD = 0.007
 """Relative std of a fall against g after its correction for drag (fitted: likewise)."""
 
+_MAX_RISING_DRAG = 0.5
+"""Fraction of a rising ball's acceleration that is the air's, at most (chosen: more would need a
+scale or ball that is wrong by more than the linear equations can say)."""
+
 _SLOW_STD_PX = 0.05
 """Std of slowly varying errors of a track, px (source: `calib.solve`, recordings with truth)."""
 
@@ -283,11 +287,10 @@ def equations_of(facts: SceneFacts) -> tuple[list[Input], list[Relation]]:
         size = float(np.hypot(*fall.acceleration))
         slowed, slowed_std, metres = _drag_fraction(facts, fall)
         # another scale or ball slows it otherwise: to first order, a power of each
-        sized = slowed / (1.0 - slowed)
-        powers, known = {"scale": 1.0 + sized, "rate": 2.0}, metres**sized
+        powers, known = {"scale": 1.0 + slowed, "rate": 2.0}, metres**slowed
         if facts.ball is not None and facts.radius_px is not None:
-            powers["ball"] = 2.0 * sized
-            known *= facts.ball[0] ** (2.0 * sized)
+            powers["ball"] = 2.0 * slowed
+            known *= facts.ball[0] ** (2.0 * slowed)
         half = 0.5 * float(facts.frame[fall.last] - facts.frame[fall.first])
         slow = 2.0 * _SLOW_STD_PX / half**2
         relations.append(
@@ -313,17 +316,20 @@ def _drag_fraction(facts: SceneFacts, fall: Fall) -> tuple[float, float, float]:
     slope = np.polyfit(frame, place, 2)
     velocity = 2.0 * slope[0] * frame[:, np.newaxis] + slope[1]
     squared = float(np.mean(np.hypot(*velocity.T) * velocity[:, 1]))
-    # in metres by the ball's outline, or by the fall itself
+    # in metres by the ball's outline, the stated scale, or the fall itself
     metres = None
     if facts.ball is not None and facts.radius_px is not None:
         metres = 0.5 * facts.ball[0] / float(np.median(facts.radius_px[rows]))
+    elif facts.scale is not None:
+        metres = facts.scale[0]
     elif facts.rate is not None:
         metres = Defaults.GRAVITY.known / float(fall.acceleration[1]) / facts.rate[0] ** 2
     if metres is None:
         return 0.0, 0.0, 1.0
-    # a = g in px and frames: neither the rate nor seconds are needed
-    per_px = metres / float(fall.acceleration[1])
-    return facts.drag[0] * per_px * squared, facts.drag[1] * per_px * abs(squared), metres
+    # over the fall seen, in px and pictures: neither the rate nor seconds are needed
+    per_px = metres / float(fall.acceleration[1]) * squared
+    whole = 1.0 + max(facts.drag[0] * per_px, _MAX_RISING_DRAG - 1.0)
+    return (whole - 1.0) / whole, facts.drag[1] * abs(per_px) / whole**2, metres
 
 
 def _plane_ratio(facts: SceneFacts) -> Input:

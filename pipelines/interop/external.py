@@ -19,12 +19,14 @@ from metrology import UsageError
 
 __all__ = [
     "BALL",
+    "FOREIGN",
     "PENDULUM",
     "ExternalTrack",
     "ExternalTracks",
     "PlaneOfMotion",
     "Program",
     "as_track_table",
+    "is_text",
     "numbers",
     "read_bytes",
     "read_member",
@@ -246,6 +248,35 @@ def as_track_table(external: ExternalTracks) -> pd.DataFrame:
 
 MAX_TRACK_FILE_BYTES = 256 * 2**20
 """256 MiB (chosen: a million marks in Tracker's XML need less than 200)."""
+
+
+FOREIGN = {
+    ".xls": ("a spreadsheet of Excel 97 to 2003", "Save it as .xlsx or .csv."),
+    ".ods": ("a spreadsheet of LibreOffice", "Save it as .xlsx or .csv."),
+    ".numbers": ("a spreadsheet of Numbers", "Export it as Excel or CSV."),
+    ".cmbl": ("a file of Logger Pro", "In Logger Pro choose File > Export As > CSV."),
+    ".cap": ("a file of PASCO Capstone", "In Capstone choose File > Export Data."),
+    ".slp": ("a project of SLEAP", "Export it: sleap-convert --format analysis."),
+    ".xml": ("an XML file", "From TrackMate export the spots as CSV."),
+    ".json": ("a JSON file", "Write a table: a header t,x,y and one row per mark, as CSV."),
+    ".npy": ("an array of NumPy", "Write it with numpy.savetxt: columns t, x, y."),
+    ".npz": ("arrays of NumPy", "Write them with numpy.savetxt: columns t, x, y."),
+    ".mat": ("a file of MATLAB", "Write it with writematrix as CSV: columns t, x, y."),
+    ".pkl": ("a pickle, which may run code", "Write the table as CSV: frame.to_csv('t.csv')."),
+}
+"""Files of positions that are not read, by their ending: what they are, and what to do."""
+
+_SNIFFED_BYTES = 4096
+
+
+def is_text(path: Path) -> bool:
+    """Whether a file is text other than XML or JSON, whatever its name: perhaps a table."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        head = file.read(_SNIFFED_BYTES)
+    wide = head.startswith((b"\xff\xfe", b"\xfe\xff"))
+    return (wide or b"\0" not in head) and not head.lstrip().startswith((b"<", b"{", b"["))
 
 
 def read_bytes(path: Path, what: str) -> bytes:

@@ -19,10 +19,13 @@ __all__ = [
     "Clock",
     "find_header",
     "folded",
+    "has_numbers",
     "is_unit_row",
     "is_value",
+    "may_be_position",
     "positions_of",
     "read_clock",
+    "read_timecode",
     "time_column",
     "unit_word",
 ]
@@ -34,7 +37,12 @@ def _set(words: str) -> frozenset[str]:
     return frozenset(words.split())
 
 
-_TIME = _set("t time times zeit temps tiempo tempo seconds sekunden timestamp uhrzeit hora heure")
+_TIME = _set(
+    "t time times zeit temps tiempo tempo seconds sekunden timestamp timecode uhrzeit hora heure"
+)
+
+_DATE = _set("date datum fecha data")
+"""Words of a column beside the time in which programs write the day as well."""
 
 _AXES = {
     "x": _set("x horizontal horizontale abscisse abscissa abszisse abscisa"),
@@ -84,19 +92,21 @@ class AxisColumns:
 
 
 def _words(name: str) -> list[str]:
-    """Words without units and accents; numbers apart."""
-    bare = re.sub(r"[\(\[].*?[\)\]]", " ", folded(name))
+    """Words without units and accents, but with an axis in brackets; numbers apart."""
+    bare = re.sub(r"[\(\[](?!\s*[xy]\s*[\)\]]).*?[\)\]]", " ", folded(name))
     return [word for word in re.split(r"[^\w]+|_|(?<=[^\W\d])(?=\d)", bare) if word]
 
 
 def time_column(header: Sequence[str]) -> str | None:
-    """The only column of times; None if there is none or several."""
+    """The only column of times, dates aside; None if there is none or several."""
     found = [
         name
         for name in header
         if (words := _words(name)) and set(words) & _TIME and not _axis(words)
     ]
-    return found[0] if len(found) == 1 else None
+    bare = [name for name in found if not set(_words(name)) & _DATE]
+    one = bare if found[1:] else found
+    return one[0] if len(one) == 1 else None
 
 
 def _axis(words: Sequence[str]) -> str | None:
@@ -118,10 +128,7 @@ def _pairs(header: Sequence[str], runs: bool) -> tuple[AxisColumns, ...]:
     for name in header:
         words = _words(name)
         axis = _axis(words) or ("t" if set(words) & _TIME else None)
-        unit = re.search(r"[\(\[](.*?)[\)\]]", name)
-        if axis is None or set(words) & _NOT_POSITIONS or (axis == "t" and not runs):
-            continue
-        if unit is not None and _RATE_UNIT.search(unit[1]):
+        if axis is None or not may_be_position(name) or (axis == "t" and not runs):
             continue
         columns = found.setdefault(_object(words, axis, runs), {})
         if axis in columns:
@@ -132,6 +139,13 @@ def _pairs(header: Sequence[str], runs: bool) -> tuple[AxisColumns, ...]:
         for name, columns in found.items()
         if columns.keys() >= _AXES.keys()
     )
+
+
+def may_be_position(name: str) -> bool:
+    """Whether a column may hold positions or times, rather than velocities, angles and the like."""
+    unit = re.search(r"[\(\[](.*?)[\)\]]", name)
+    rate = unit is not None and _RATE_UNIT.search(unit[1]) is not None
+    return not rate and not set(_words(name)) & _NOT_POSITIONS
 
 
 def _object(words: Sequence[str], axis: str, runs: bool) -> str:
@@ -156,11 +170,20 @@ def find_header(rows: Sequence[Sequence[str]]) -> int:
         0 if there is no line of numbers below a line of words.
     """
     for number, row in enumerate(rows[:_HEADER_LINES]):
-        written = [cell for cell in row if cell.strip()]
-        values = sum(map(is_value, written))
-        if number and values >= _MIN_VALUES and 2 * values > len(written):
+        if number and _is_of_numbers(row):
             return number - 1
     return 0
+
+
+def has_numbers(rows: Sequence[Sequence[str]]) -> bool:
+    """Whether one of the first lines is a line of numbers."""
+    return any(map(_is_of_numbers, rows[:_HEADER_LINES]))
+
+
+def _is_of_numbers(row: Sequence[str]) -> bool:
+    written = [cell for cell in row if cell.strip()]
+    values = sum(map(is_value, written))
+    return values >= _MIN_VALUES and 2 * values > len(written)
 
 
 _MIN_VALUES = 2
@@ -180,7 +203,9 @@ def is_unit_row(cells: Sequence[str]) -> bool:
     """Whether a row holds nothing but units: ``s,cm,cm`` or ``(s),(cm),(cm)``."""
     written = [cell.strip() for cell in cells if cell.strip()]
     return bool(written) and all(
-        re.fullmatch(r"[\(\[].*[\)\]]", cell) or cell in _UNITS or unit_word(cell) in _UNITS
+        re.fullmatch(r"[\(\[].*[\)\]]", cell)
+        or unit_word(cell) in _UNITS
+        or unit_word(re.split(r"[/·*^ ]", cell)[0]) in _UNITS
         for cell in written
     )
 
@@ -307,3 +332,34 @@ def _seconds_of_day(text: str) -> float:
     if found is None:
         return float("nan")
     return 3600.0 * int(found[1] or 0) + 60.0 * int(found[2]) + float(found[3])
+
+
+_TIMECODE = re.compile(r"(\d+):(\d{1,2}):(\d{1,2})[:;](\d{1,3})")
+
+_TIMECODE_RATES = (24, 25, 30, 48, 50, 60, 100, 120, 240)
+"""Pictures per second that timecodes count (convention: SMPTE 12M, and recorders)."""
+
+
+def read_timecode(cells: "pd.Series[Any]") -> tuple[FloatArray, int] | None:
+    """Picture numbers of timecodes such as ``00:01:07:23``, and the pictures in their second.
+
+    Returns
+    -------
+    tuple or None
+        None unless most cells are timecodes, and their last parts show how many pictures a second
+        has: all of them are counted up.
+    """
+    found = [_TIMECODE.fullmatch(str(cell).strip()) for cell in cells]
+    known = [[int(part) for part in one.groups()] for one in found if one is not None]
+    if 2 * len(known) <= len(found):
+        return None
+    highest = max(one[3] for one in known)
+    rate = next((rate for rate in _TIMECODE_RATES if rate > highest), None)
+    if rate is None:
+        return None
+    numbers = np.full(len(found), np.nan)
+    numbers[[k for k, one in enumerate(found) if one is not None]] = [
+        rate * (3600 * one[0] + 60 * one[1] + one[2]) + one[3] for one in known
+    ]
+    steps = np.diff(numbers[np.isfinite(numbers)])
+    return (numbers, rate) if len(steps) and np.median(steps) == 1.0 else None

@@ -15,12 +15,14 @@ from metrology import MeasurementError, UsageError, write_text_whole, written_wh
 from pipelines.cache import clip_digest
 from pipelines.interop.external import (
     BALL,
+    FOREIGN,
     PENDULUM,
     ExternalTrack,
     ExternalTracks,
     PlaneOfMotion,
     Program,
     as_track_table,
+    is_text,
 )
 from pipelines.interop.projects import kinovea_annotations, read_kva, read_trk, tracker_project
 from pipelines.interop.tables import (
@@ -139,7 +141,12 @@ def settled_columns(path: Path, said: Mapping[str, str], setup: Path | None) -> 
     """
     if not path.is_file():
         return dict(said)
-    answers = ask_columns(header_of(path), said, path.name)
+    try:
+        read_tracks(path, said)
+    except UsageError:
+        answers = ask_columns(header_of(path), said, path.name)
+    else:
+        return dict(said)
     if answers != dict(said) and setup is not None:
         if load_setup(setup).columns:
             return answers
@@ -189,10 +196,11 @@ def read_tracks(path: Path, columns: Mapping[str, str] | None = None) -> Externa
         return read_trk(path)
     if suffix == ".kva":
         return read_kva(path)
-    if suffix in TABLE_SUFFIXES:
+    if suffix in TABLE_SUFFIXES or is_text(path):
         return read_table_of_tracks(path, said)
+    kind, cure = FOREIGN.get(suffix, ("a file with an unknown ending", "Export a table of tracks."))
     known = ", ".join((*PROJECT_SUFFIXES, *TABLE_SUFFIXES))
-    raise UsageError(f"{path} has an unknown ending", hint=f"Known endings: {known}.")
+    raise UsageError(f"{path} is {kind}", hint=f"{cure} Known endings: {known}.")
 
 
 def write_tracks(path: Path, external: ExternalTracks) -> None:

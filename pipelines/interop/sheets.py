@@ -16,7 +16,7 @@ import pandas as pd
 
 from metrology import UsageError
 from pipelines.interop.external import read_bytes
-from pipelines.interop.headers import find_header, is_unit_row, is_value
+from pipelines.interop.headers import find_header, has_numbers, is_unit_row, is_value
 
 __all__ = [
     "frame_of",
@@ -262,8 +262,14 @@ def refuse_sideways(path: Path, columns: int) -> None:
         )
 
 
-def sheet_of(path: Path) -> pd.DataFrame:
-    """The first sheet of a spreadsheet.
+def sheet_of(path: Path, notes: list[str] | None = None) -> pd.DataFrame:
+    """The first sheet of a spreadsheet that holds rows of numbers; else its first.
+
+    Parameters
+    ----------
+    path : Path
+    notes : list of str, optional
+        Receives which sheet is read, if it is not the first of several with numbers.
 
     Raises
     ------
@@ -272,14 +278,20 @@ def sheet_of(path: Path) -> pd.DataFrame:
     """
     read_bytes(path, "a spreadsheet")
     try:
-        table = pd.read_excel(path, header=None, dtype=object).dropna(how="all")
+        book = pd.read_excel(path, sheet_name=None, header=None, dtype=object)
+        sheets = {name: sheet.dropna(how="all") for name, sheet in book.items()}
     # openpyxl raises many types on damaged files
     except Exception as problem:
         raise UsageError(
             f"{path} is not a spreadsheet: {problem}", hint="Save it again as .xlsx or .csv."
         ) from problem
-    head = table.head(_HEADER_SEARCH_LINES).map(lambda cell: "" if pd.isna(cell) else str(cell))
-    cells = head.to_numpy().tolist()
+    filled = [name for name, sheet in sheets.items() if has_numbers(_head_of(sheet))]
+    chosen = (filled or list(sheets))[0]
+    if notes is not None and (filled[1:] or chosen != next(iter(sheets))):
+        others = ", ".join(repr(name) for name in sheets if name != chosen)
+        notes.append(f"{path.name}: the sheet {chosen!r} is read, not {others}.")
+    table = sheets[chosen]
+    cells = _head_of(table)
     at = find_header(cells)
     if table.empty:
         return table
@@ -289,6 +301,11 @@ def sheet_of(path: Path) -> pd.DataFrame:
     table = table.iloc[at + 1 :].reset_index(drop=True)
     table.columns = pd.Index([name or f"Unnamed: {k}" for k, name in enumerate(names)])
     return with_numbers(table.infer_objects())
+
+
+def _head_of(table: pd.DataFrame) -> list[list[str]]:
+    head = table.head(_HEADER_SEARCH_LINES).map(lambda cell: "" if pd.isna(cell) else str(cell))
+    return list(head.to_numpy().tolist())
 
 
 def separator_of(line: str) -> str:

@@ -35,8 +35,16 @@ from pipelines.interop.headers import (
     folded,
     positions_of,
     read_clock,
+    read_timecode,
     time_column,
     unit_word,
+)
+from pipelines.interop.layout import (
+    along_a_line,
+    by_fall,
+    numeric_columns,
+    with_centres,
+    without_units,
 )
 from pipelines.interop.projects import CORNER_PX
 from pipelines.interop.sheets import (
@@ -95,8 +103,11 @@ _COLUMN_NAMES: dict[str, tuple[str, ...]] = {
         "frame_idx",
         "frame_index",
         "frame_number",
+        "frame_no",
+        "frame_nr",
         "frames",
         "bild",
+        "bild_nr",
         "image",
         "slice",
         "slice_n°",
@@ -206,9 +217,9 @@ def column_use(header: Sequence[str], said: Mapping[str, str], table: str) -> Co
             else "Export it again with this column; where pictures are numbered, name it frame and"
             " pass --fps.",
         )
-    unit = said.get("unit") or unit_of(columns["x"]) or "px"
-    t_unit = said.get("t_unit") or unit_of(columns.get("t", "t")) or "s"
-    metre = None if unit.lower() in ("px", "pixel", "pixels") else parse_quantity(f"1 {unit}", "m")
+    unit = said.get("unit") or _known_unit(columns["x"], "m") or "px"
+    t_unit = said.get("t_unit") or _known_unit(columns.get("t", "t"), "s") or "s"
+    metre = None if unit.lower() in _PIXELS else parse_quantity(f"1 {unit}", "m")
     return ColumnUse(columns, metre, parse_quantity(f"1 {t_unit}", "s"))
 
 
@@ -221,8 +232,6 @@ def ask_columns(header: Sequence[str], said: Mapping[str, str], table: str) -> d
         The columns given, with the answers.
     """
     answers = dict(said)
-    if not {"x", "y"} & answers.keys() and positions_of(header):
-        return answers
     if not header or not (sys.stdin.isatty() and sys.stderr.isatty()):
         return answers
     errors = screen(errors=True)
@@ -257,13 +266,30 @@ def _unanswered(key: str, header: Sequence[str], answers: Mapping[str, str]) -> 
 def plain_name(name: str) -> str:
     """A column's name without its unit, in lower case and without accents."""
     bare = re.sub(r"[\(\[].*?[\)\]]", "", name)
-    return re.sub(r"[ \-.'\u2019]+", "_", folded(_SLASH_UNIT.sub("", bare).strip()))
+    return re.sub(r"[ \-.'\u2019#]+", "_", folded(_SLASH_UNIT.sub("", bare).strip(" .#")))
 
 
 def unit_of(name: str) -> str | None:
     """Unit in a column's name: ``Height (cm)``, ``h_cm``."""
     found = _UNIT.search(name.strip()) or _SLASH_UNIT.search(name)
-    return None if found is None else unit_word(next(filter(None, found.groups())))
+    unit = None if found is None else next(filter(None, found.groups()))
+    # Kinovea writes the axis in brackets
+    return None if unit is None or unit.lower() in ("x", "y") else unit_word(unit)
+
+
+_PIXELS = ("px", "pixel", "pixels")
+
+
+def _known_unit(name: str, base: str) -> str | None:
+    """A unit in a column's name that can be converted; of another language none."""
+    unit = unit_of(name)
+    if unit is None or unit.lower() in _PIXELS:
+        return unit
+    try:
+        parse_quantity(f"1 {unit}", base)
+    except UsageError:
+        return None
+    return unit
 
 
 def _listed(header: Sequence[str]) -> str:
@@ -309,12 +335,13 @@ def read_table_of_tracks(path: Path, said: Mapping[str, str]) -> ExternalTracks:
     if suffix in HDF5_SUFFIXES:
         return _hdf5(path)
     if suffix == ".xlsx":
-        return _spreadsheet(sheet_of(path), path, said)
+        notes: list[str] = []
+        return _spreadsheet(sheet_of(path, notes), path, said, notes)
     lines = text_lines(path, "a table of tracks")
     for recognises, read in _READERS:
         if recognises(lines):
             return read(lines, path, said)
-    notes: list[str] = []
+    notes = []
     table = frame_of(lines, path, _BARE_COLUMNS, notes)
     return _spreadsheet(table, path, said, notes)
 
@@ -502,7 +529,9 @@ def _spreadsheet(
         return _trackpy(table, path)
     if {"object", "frame", "t_s", "x_px", "y_px"} <= names:
         return _own(table, path)
-    uses = _uses(list(table.columns), said, path.name)
+    notes = list(read)
+    table = without_units(with_centres(table))
+    uses = _uses(table, said, path.name, notes)
     marks: list[_Marks] = []
     for name, use in uses:
         parts = [(name, table)]
@@ -512,7 +541,7 @@ def _spreadsheet(
     if len(uses) == 1 and "y" not in said:
         _refuse_other_height(path, table, uses[0][1], marks)
     units = _units(path, uses, marks, said)
-    notes = [*read, *(note for one in marks for note in one.unread())]
+    notes += [note for one in marks for note in one.unread()]
     notes += list(dict.fromkeys(one.note for one in marks if one.note)) + list(units.notes)
     tracks = []
     for one in marks:
@@ -548,10 +577,11 @@ def read_samples(path: Path, said: Mapping[str, str]) -> tuple[pd.DataFrame, tup
     """
     notes: list[str] = []
     if path.suffix.lower() == ".xlsx":
-        table = sheet_of(path)
+        table = sheet_of(path, notes)
     else:
         table = frame_of(text_lines(path, "a table of samples"), path, _BARE_COLUMNS, notes)
-    uses = _uses(list(table.columns), said, path.name)
+    table = without_units(table)
+    uses = _uses(table, said, path.name, notes)
     marks: list[_Marks] = []
     facts: list[dict[str, Any]] = []
     for name, use in uses:
@@ -648,13 +678,19 @@ def _units(
     seen = [one.for_units() for one in marks if one.time is not None]
     times = ("s",) if _states_seconds(use, said) else ("s", "ms")
     if use.metre is None:
-        bare = "unit" not in said and all(unit_of(one.columns["x"]) is None for _, one in uses)
+        heads = [one.columns["x"] for _, one in uses]
+        bare = "unit" not in said and all(_known_unit(head, "m") is None for head in heads)
         found = units_by_fall(seen, times) if bare else None
         if found is not None:
             metre = parse_quantity(f"1 {found.length}", "m")
             return _TableScale(metre, _TIMES_S[found.time], notes=(found.note(path.name),))
         if bare:
             _refuse_exchanged(path, use, seen, times)
+        if bare and (unit := unit_of(heads[0])) is not None:
+            raise UsageError(
+                f"{path}: the unit {unit!r} of {heads[0]!r} is not known",
+                hint='Pass --columns "unit=m" (or cm, mm, in, px).',
+            )
         return _TableScale(None)
     fallen = units_by_fall(seen, ("s", "ms"))
     if fallen is None:
@@ -802,7 +838,12 @@ def _marks(name: str, rows: pd.DataFrame, use: ColumnUse, said: Mapping[str, str
     if "t" not in use.columns:
         return _single(_Marks(name, place, frame, None))
     column = use.columns["t"]
-    clock = read_clock(rows[column], said.get("t_unit") or unit_of(column))
+    timecode = read_timecode(rows[column])
+    if timecode is not None:
+        numbers, rate = timecode
+        note = f"The times are timecodes, {rate} to a second: they are read as picture numbers."
+        return _single(_Marks(name, place, numbers, None, note))
+    clock = read_clock(rows[column], said.get("t_unit") or _known_unit(column, "s"))
     if clock is not None:
         return _single(_Marks(name, place, frame, _even(clock.seconds), clock.note))
     return _single(_Marks(name, place, frame, _even(_values(rows, column) * use.second)))
@@ -846,11 +887,12 @@ _MIN_CLOCK_ROWS = 8
 
 
 def _states_seconds(use: ColumnUse, said: Mapping[str, str]) -> bool:
-    return "t_unit" in said or "t" not in use.columns or unit_of(use.columns["t"]) is not None
+    stated = "t_unit" in said or "t" not in use.columns
+    return stated or _known_unit(use.columns["t"], "s") is not None
 
 
 def _uses(
-    header: Sequence[str], said: Mapping[str, str], table: str
+    table: pd.DataFrame, said: Mapping[str, str], name: str, notes: list[str]
 ) -> list[tuple[str, ColumnUse]]:
     """Use of the columns for each object that has its own ones, with its name.
 
@@ -859,17 +901,44 @@ def _uses(
     UsageError
         As `column_use`.
     """
+    header = list(map(str, table.columns))
     try:
-        return [("", column_use(header, said, table))]
+        return [("", column_use(header, said, name))]
     except UsageError:
         pairs = () if {"x", "y"} & said.keys() else positions_of(header)
+        if not pairs or (time_column(header) is None and not {"t", "frame"} & said.keys()):
+            guessed = _guessed(table, said, name, notes)
+            if guessed is not None:
+                return [("", guessed)]
         if not pairs:
             raise
         stated = dict(said)
         clock = time_column(header)
         if clock is not None and not {"t", "frame"} & stated.keys():
             stated["t"] = clock
-        return [(pair.name, _use_of(pair, header, stated, table)) for pair in pairs]
+        return [(pair.name, _use_of(pair, header, stated, name)) for pair in pairs]
+
+
+def _guessed(
+    table: pd.DataFrame, said: Mapping[str, str], name: str, notes: list[str]
+) -> ColumnUse | None:
+    """Use of columns whose names say nothing, by their fall; of a single position, as stated."""
+    header = list(map(str, table.columns))
+    found = dict(said) if {"x", "y"} & said.keys() else {**said, **(by_fall(table) or {})}
+    clock = time_column(header)
+    if clock is not None and not {"t", "frame"} & found.keys():
+        found["t"] = clock
+    places = {"x", "y"} & found.keys()
+    others = numeric_columns(table).keys() - {found.get(key) for key in KEYS}
+    if not places or (len(places) == 1 and others):
+        return None
+    listed = ", ".join(f"{key}={found[key]}" for key in KEYS if key in found)
+    notes.append(f'{name}: its columns are read as --columns "{listed}" states.')
+    added = along_a_line(table, found, unit_of(found[next(iter(places))]))
+    if added is not None:
+        notes[-1] = f"{notes[-1][:-1]}; there is no {added}: the motion is along a line."
+        found[added] = str(table.columns[-1])
+    return column_use(list(map(str, table.columns)), found, name)
 
 
 def _use_of(
@@ -1027,9 +1096,11 @@ def _kinovea_text(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> 
             blocks[-1][1].append([_clock_s(parts[0]), *map(float, parts[1:3])])
         except ValueError as problem:
             raise UsageError(
-                f"{path}: {line.strip()!r} is not a row of T X Y",
-                hint="Choose times in seconds in Kinovea's preferences and export as text again, or"
-                " delete the line.",
+                f"{path}: {line.strip()!r} is not a row of T X Y"
+                + (
+                    f"; the time {parts[0]} may count hundredths or pictures" if ":" in line else ""
+                ),
+                hint="Choose times in seconds in Kinovea's preferences and export again.",
             ) from problem
     unit = said.get("unit", "px")
     in_px = unit.lower() in ("px", "pixel", "pixels")
@@ -1055,7 +1126,7 @@ def _deeplabcut(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> Ex
             hint="Pass the CSV file of analyze_videos, with its three header lines.",
         )
     heads = [line.split(mark) for line in lines[1 : rows + 1]]
-    table = _numbers_of(lines[rows + 1 :], mark, path)
+    table, frame = _numbers_of(lines[rows + 1 :], mark, path)
     columns: dict[str, dict[str, int]] = {}
     for k in range(1, min(len(head) for head in heads)):
         name = " ".join(head[k].strip() for head in heads[:-1])
@@ -1069,19 +1140,25 @@ def _deeplabcut(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> Ex
             unsure = table[:, own["likelihood"]] < MIN_LIKELIHOOD
             left_out += int(unsure.sum())
             place = np.where(unsure[:, np.newaxis], np.nan, place)
-        tracks.append(_track(name, place, table[:, 0]))
+        tracks.append(_track(name, place, frame))
     return _found(path, Program.DEEPLABCUT, tracks, None, _unlikely(left_out))
 
 
-def _numbers_of(lines: Sequence[str], mark: str, path: Path) -> FloatArray:
+def _numbers_of(lines: Sequence[str], mark: str, path: Path) -> tuple[FloatArray, FloatArray]:
+    """Cells as numbers, and picture numbers: the first column, or those of the pictures' names."""
     try:
-        table = pd.read_csv(io.StringIO("\n".join(lines)), sep=mark, header=None)
+        table = with_numbers(pd.read_csv(io.StringIO("\n".join(lines)), sep=mark, header=None))
     except (ValueError, pd.errors.ParserError) as problem:
         raise UsageError(
             f"{path} is cut off or not a table: {problem}",
             hint="Save it again with the program that made it.",
         ) from problem
-    return np.asarray(table.apply(pd.to_numeric, errors="coerce"), dtype=float)
+    values = np.asarray(table.apply(pd.to_numeric, errors="coerce"), dtype=float)
+    if np.isfinite(values[:, 0]).any():
+        return values, values[:, 0]
+    # labelled pictures: folder, clip and name in one column or in three
+    named = table.select_dtypes(exclude="number").astype("string").agg("/".join, axis=1)
+    return values, np.asarray(pd.to_numeric(named.str.extract(r"(\d+)\D*$")[0]), dtype=float)
 
 
 def _unlikely(count: int) -> tuple[str, ...]:

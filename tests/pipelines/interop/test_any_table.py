@@ -59,6 +59,27 @@ WRITTEN: dict[str, Callable[[], str]] = {
             for t, x, y in zip(T, X, Y, strict=True)
         )
     ),
+    "y is called z": lambda: "t,x,z\n" + lines(T, X, Y),
+    "feet without a unit": lambda: "t,x,y\n" + lines(T, X / 0.3048, Y / 0.3048),
+    "names, symbols and units": lambda: (
+        "Vernier Format 2\na.cmbl 3/12/2024 10:14:27 .\nVideo Analysis\nTime\tX\tY\tX Velocity\n"
+        "t\tX\tY\tVx\ns\tm\tm\tm/s\n\n" + lines(T, X, Y, X, mark="\t")
+    ),
+    "axes in brackets": lambda: (
+        "Time,Trajectory 1/0 (X),Trajectory 1/0 (Y)\n" + lines(1e3 * T, 100 * X, 100 * Y)
+    ),
+    "a language that is not known": lambda: "时间 (s),水平 (米),高度 (米)\n" + lines(T, X, Y),
+    "a date beside the time": lambda: (
+        '"Date and Time Run #1","Time (s) Run #1","Position X (m) Run #1","Position Y (m) Run #1"\n'
+        + "".join(f"11/28/2024 10:14:20,{line}\n" for line in lines(T, X, Y).splitlines())
+    ),
+    "units in the cells": lambda: (
+        "time,x,y\n"
+        + "".join(
+            f"{t:.5f} s,{x:.3f} cm,{y:.3f} cm\n"
+            for t, x, y in zip(T, 100 * X, 100 * Y, strict=True)
+        )
+    ),
     "names of rows": lambda: (
         "LABEL,ID,TRACK_ID,POSITION_X,POSITION_Y,POSITION_T\nLabel,Spot,Track,X,Y,T\n"
         ",,,(micron),(micron),(sec)\n"
@@ -108,8 +129,9 @@ def test_tracker_masses_with_their_own_clocks(tmp_path: Path) -> None:
 
 
 REFUSED = {
+    "an unknown unit without a fall": ("t (s),x (ell),y (ell)\n" + lines(T, X, X), "unit=m"),
+    "two positions along a line": ("t (s),s1 (m),s2 (m)\n" + lines(T, X, X), "x=NAME"),
     "the height is z": ("t,x,y,z\n" + lines(T, X, 1.0 + 0.0 * T, Y), "y=z"),
-    "y is called z": ("t,x,z\n" + lines(T, X, Y), "y=z"),
     "a line break in a cell": (
         "t (s),x (m),y (m),note\n0,0,0,\n" + '1,1,1,"a\nb"\n' + "2,2,2,\n",
         "line 3",
@@ -142,3 +164,81 @@ def test_explain_reads_foreign_tables_and_names_what_it_does_not_use(tmp_path: P
     sheet = tmp_path / "a.xlsx"
     pd.DataFrame({"t (s)": T, "x (m)": X, "y (m)": Y}).to_excel(sheet, index=False)
     assert len(load_campaign(sheet, None, Setup()).trials) == 1
+
+
+def test_a_motion_sensor_gives_one_position(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("Time (s),Position (m),Velocity (m/s)\n" + lines(T, Y, X), encoding="utf-8")
+    track = read_tracks(path).tracks[0]
+    assert -track.px[:, 1] / 1e3 == pytest.approx(Y, abs=1e-4)
+    assert not track.px[:, 0].any()
+    # a cart does not fall: its axis must be named
+    path.write_text("Time (s),Position (m)\n" + lines(T, X), encoding="utf-8")
+    with pytest.raises(UsageError):
+        read_tracks(path)
+    cart = read_tracks(path, {"x": "Position (m)"}).tracks[0]
+    assert cart.px[:, 0] / 1e3 == pytest.approx(X, abs=1e-4)
+
+
+def test_timecodes_count_pictures(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    codes = [f"00:00:{k // 25 + 3:02d}:{k % 25:02d}" for k in range(ROWS) if k != 7]
+    rows = [f"{x:.5f},{y:.5f}" for k, (x, y) in enumerate(zip(X, Y, strict=True)) if k != 7]
+    text = "".join(f"{code},{row}\n" for code, row in zip(codes, rows, strict=True))
+    path.write_text("Timecode,x (m),y (m)\n" + text, encoding="utf-8")
+    external = read_tracks(path)
+    assert np.diff(external.tracks[0].frame).tolist() == [1] * 6 + [2] + [1] * 71
+    assert any("25 to a second" in note for note in external.notes)
+
+
+@pytest.mark.parametrize(
+    "head", ["xmin,ymin,xmax,ymax", "left,top,right,bottom", "BB_Left,BB_Top,BB_Width,BB_Height"]
+)
+def test_boxes_give_centres(head: str, tmp_path: Path) -> None:
+    left, top = 900 * X - 20, 700 - 900 * Y - 10
+    ends = (left + 40, top + 20)
+    if "Width" in head:
+        ends = (np.full(ROWS, 40.0), np.full(ROWS, 20.0))
+    path = tmp_path / "a.csv"
+    path.write_text(f"frame,{head}\n" + lines(np.arange(ROWS), left, top, *ends), encoding="utf-8")
+    px = read_tracks(path).tracks[0].px
+    assert px == pytest.approx(np.column_stack([900 * X, 700 - 900 * Y]), abs=1e-3)
+
+
+def test_the_sheet_with_numbers_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.xlsx"
+    with pd.ExcelWriter(path) as book:
+        pd.DataFrame({"Notes": ["strike 7"]}).to_excel(book, sheet_name="Info", index=False)
+        flight = pd.DataFrame({"t (s)": T, "x (m)": X, "y (m)": Y})
+        flight.to_excel(book, sheet_name="Data", index=False)
+    external = read_tracks(path)
+    assert len(external.tracks[0]) == ROWS
+    assert any("sheet 'Data' is read, not 'Info'" in note for note in external.notes)
+
+
+def test_a_table_is_read_whatever_its_ending(tmp_path: Path) -> None:
+    # ImageJ writes text that it calls .xls
+    path = tmp_path / "a.xls"
+    path.write_text("t (s)\tx (m)\ty (m)\n" + lines(T, X, Y, mark="\t"), encoding="utf-8")
+    assert len(read_tracks(path).tracks[0]) == ROWS
+    path.write_bytes(b"\xd0\xcf\x11\xe0" + bytes(600))
+    with pytest.raises(UsageError, match="Excel 97") as refused:
+        read_tracks(path)
+    assert "Save it as .xlsx" in str(refused.value.hint)
+
+
+@pytest.mark.parametrize("mark", [",", ";"])
+def test_deeplabcuts_labels_are_numbered_by_their_pictures(mark: str, tmp_path: Path) -> None:
+    path = tmp_path / "CollectedData.csv"
+    rows = [
+        mark.join(("labeled-data", "a", f"img{k + 40:03d}.png", f"{x:.3f}", f"{y:.3f}"))
+        for k, (x, y) in enumerate(zip(900 * X, 700 - 900 * Y, strict=True))
+    ]
+    heads = [
+        f"{name},,,{a},{b}" for name, a, b in (("scorer", "I", "I"), ("bodyparts", "ball", "ball"))
+    ]
+    text = "\n".join([*(head.replace(",", mark) for head in (*heads, "coords,,,x,y")), *rows])
+    path.write_text(text if mark == "," else text.replace(".", ",").replace(",png", ".png"))
+    track = read_tracks(path).tracks[0]
+    assert track.frame.tolist() == list(range(40, 40 + ROWS))
+    assert track.px[:, 0] == pytest.approx(900 * X, abs=1e-2)
