@@ -359,6 +359,12 @@ PivotAtOption = Annotated[
 LandingAtOption = Annotated[
     str | None, typer.Option("--landing-at", metavar="X,Y", help="Ball's centre at landing, px.")
 ]
+AxesOption = Annotated[
+    str | None,
+    typer.Option(
+        "--axes", metavar="X,Y[,DEG]", help="Origin (px) and turn of the axes of the tracks."
+    ),
+]
 KindOption = Annotated[
     str | None,
     typer.Option("--kind", metavar="KIND", help="Kind of motion, if the one found is wrong."),

@@ -204,7 +204,8 @@ class Measurement:
         """
         from pipelines.api.explained import explain
 
-        tracks = self.tracks
+        # gravity is along y of the picture, not of axes that were turned
+        tracks = tracks_as_frame(replace(self.record, axes=None))
         swings = None if self.record.tracks.pendulum is None else tracks
         known = self._setup if setup is None else setup
         return explain(balls=tracks, pendulum=swings, setup=known, **options)
@@ -291,6 +292,7 @@ def measure(
     tracklets: object = None,
     pivot_at: tuple[float, float] | str | None = None,
     landing_at: tuple[float, float] | str | None = None,
+    axes: tuple[float, ...] | str | None = None,
 ) -> Measurement:
     """Measure one clip.
 
@@ -323,6 +325,8 @@ def measure(
         The pendulum's pivot, px, where the fitted one is wrong.
     landing_at : (x, y), optional
         The ball's centre at landing, px, where the one found is wrong or none is found.
+    axes : (x, y) or (x, y, degrees), optional
+        Origin of the positions in metres, px, and counter-clockwise turn of their x axis.
 
     Returns
     -------
@@ -352,6 +356,7 @@ def measure(
         kind=kind,
         pivot_at=pivot_at,
         landing_at=landing_at,
+        axes=axes,
     )
     if tracklets is not None:
         options = replace(options, corrected=_corrected(tracklets))

@@ -21,6 +21,7 @@ from pipelines.api.wording import in_python
 from pipelines.measure.budget import Propagation
 from pipelines.measure.chain import MeasureOptions
 from pipelines.measure.files import column_of, without_formulas
+from pipelines.measure.measurement import Axes
 from pipelines.report.inputs import quantity_label, quantity_rows, quantity_text
 from pipelines.report.page import results_html
 from pipelines.setup.file import Setup, load_setup
@@ -292,6 +293,7 @@ def measure_options(
     kind: str | None = None,
     pivot_at: At = None,
     landing_at: At = None,
+    axes: At = None,
 ) -> MeasureOptions:
     """Options of the measuring chain, each checked before any work.
 
@@ -299,6 +301,7 @@ def measure_options(
     numbers: m/px) and takes precedence over the wall of the setup. `budget` selects how effects of
     the inputs are propagated. `every` reads every n-th picture only. `kind` is the kind of motion.
     `pivot_at` takes the place of the fitted pivot, `landing_at` that of the flight's end.
+    `axes` are origin (px) and turn (degrees) of the axes of positions in metres.
 
     Raises
     ------
@@ -323,12 +326,24 @@ def measure_options(
         mass_at=point_from("--mass-at", mass_at),
         pivot_at=_fixed_point("--pivot-at", pivot_at),
         landing_at=_fixed_point("--landing-at", landing_at),
+        axes=None if axes is None else Axes(*_numbers("--axes", axes, "X,Y or X,Y,DEGREES")),
         scale_m_per_px=None if scale is None else read_scale(scale, "--scale"),
         budget=budget,
         cache=cache,
         every=every,
         kind=None if kind is None else _kind_from(kind),
     )
+
+
+def _numbers(option: str, at: Any, form: str) -> list[float]:
+    """Two or three finite numbers."""
+    try:
+        parts = [float(part) for part in (at.split(",") if isinstance(at, str) else at)]
+    except (TypeError, ValueError):
+        parts = []
+    if len(parts) not in (2, 3) or not all(math.isfinite(part) for part in parts):
+        raise UsageError(f"{option} {at!r} is not {form}", hint=f"As in {option} 120,88")
+    return parts
 
 
 def _fixed_point(option: str, at: At) -> tuple[float, float] | None:
@@ -391,12 +406,7 @@ def point_from(option: str, at: At) -> tuple[float, float] | tuple[float, float,
     """
     if at is None:
         return None
-    try:
-        parts = [float(part) for part in (at.split(",") if isinstance(at, str) else at)]
-    except (TypeError, ValueError):
-        parts = []
-    if len(parts) not in (2, 3) or not all(math.isfinite(part) for part in parts):
-        raise UsageError(f"{option} {at!r} is not X,Y or X,Y,FRAME", hint=f"As in {option} 120,88")
+    parts = _numbers(option, at, "X,Y or X,Y,FRAME")
     if len(parts) == 2:
         return parts[0], parts[1]
     return parts[0], parts[1], int(parts[2])

@@ -10,7 +10,7 @@ from metrology import ImpactVisionError
 __all__ = ["in_fields", "in_python", "worded_for_python"]
 
 _ARGUMENTS = (
-    "fps", "ball", "wall-grid", "fine-grid", "ball-at", "mass-at", "pivot-at", "landing-at",
+    "fps", "ball", "wall-grid", "fine-grid", "ball-at", "mass-at", "pivot-at", "landing-at", "axes",
     "scale", "setup", "lens", "support-height", "camera-distance", "ball-plane", "backswing",
     "impact-speed", "cor", "drag", "trials", "every", "hold-out", "out", "jobs", "pendulum",
     "tracklets", "detections",

@@ -3,7 +3,7 @@
 import math
 import shlex
 from collections.abc import Collection
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, astuple, dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ from metrology.files import shown_path
 from metrology.measurands import STICK_LENGTH, read_given
 from pipelines.api.quantities import measure_options
 from pipelines.measure.chain import MeasureOptions
+from pipelines.measure.measurement import Axes
 from pipelines.terminal import as_typed
 from vision.finding.linking import MIN_FOUND_ROWS
 
@@ -158,6 +159,8 @@ class Corrections:
         Takes the place of a typed scale.
     pivot, landing : (x, y) or None
         Take the place of the fitted pivot and of the flight's end, px.
+    axes : Axes or None
+        Of positions in metres.
     """
 
     inputs: ClipInputs = field(default_factory=ClipInputs)
@@ -166,6 +169,7 @@ class Corrections:
     stick: Stick | None = None
     pivot: tuple[float, float] | None = None
     landing: tuple[float, float] | None = None
+    axes: Axes | None = None
 
     def with_ball(self, mark: ObjectMark) -> "Corrections":
         """With a mark on the ball, which replaces an earlier one in the same frame."""
@@ -249,7 +253,7 @@ def read_corrections(path: Path) -> Corrections:
         return Corrections()
     name = shown_path(path)
     document = parse_toml(read_small_text(path, what="the corrections"), name)
-    unknown = document.keys() - {"inputs", "ball", "mass", "stick", *FIXED_POINTS}
+    unknown = document.keys() - {"inputs", "ball", "mass", "stick", "axes", *FIXED_POINTS}
     known = {one.name for one in fields(ClipInputs)}
     inputs = document.get("inputs", {})
     if not isinstance(inputs, dict):
@@ -268,24 +272,30 @@ def read_corrections(path: Path) -> Corrections:
         marks,
         None if mass is None else _mark(name, "[mass]", mass),
         _stick(name, document["stick"]) if "stick" in document else None,
-        *(_fixed_point(name, f"[{key}]", document.get(key)) for key in FIXED_POINTS),
+        _numbers(name, "pivot", document.get("pivot"), _OF_POINT),
+        _numbers(name, "landing", document.get("landing"), _OF_POINT),
+        Axes(*_numbers(name, "axes", document["axes"], _OF_AXES)) if "axes" in document else None,
     )
 
 
-def _fixed_point(name: str, place: str, held: Any) -> tuple[float, float] | None:
+_OF_POINT = ("x_px", "y_px")
+_OF_AXES = tuple(one.name for one in fields(Axes))
+
+
+def _numbers(name: str, place: str, held: Any, keys: tuple[str, ...]) -> Any:
+    """The numbers of a table in the order of `keys`; None without one."""
     if held is None:
         return None
-    if not isinstance(held, dict) or held.keys() != {"x_px", "y_px"}:
-        raise _wrong(name, f"{place} needs x_px and y_px")
-    x, y = (_pixels(name, place, key, held[key]) for key in ("x_px", "y_px"))
-    return x, y
+    if not isinstance(held, dict) or held.keys() != {*keys}:
+        raise _wrong(name, f"[{place}] needs {', '.join(keys[:-1])} and {keys[-1]}")
+    return tuple(_number(name, f"[{place}]", key, held[key]) for key in keys)
 
 
 def _stick(name: str, held: Any) -> Stick:
     known = [one.name for one in fields(Stick)]
     if not isinstance(held, dict) or held.keys() != set(known):
         raise _wrong(name, f"[stick] needs {', '.join(known)}")
-    x0, y0, x1, y1 = (_pixels(name, "[stick]", key, held[key]) for key in known[:-1])
+    x0, y0, x1, y1 = (_number(name, "[stick]", key, held[key]) for key in known[:-1])
     if not isinstance(held["length"], str):
         raise _wrong(name, "[stick]: length is not in quotes")
     stick = Stick(x0, y0, x1, y1, held["length"])
@@ -296,7 +306,7 @@ def _stick(name: str, held: Any) -> Stick:
     return stick
 
 
-def _pixels(name: str, place: str, key: str, value: Any) -> float:
+def _number(name: str, place: str, key: str, value: Any) -> float:
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if not number or not math.isfinite(value):
         raise _wrong(name, f"{place}: {key} is {value!r}, not a number of pixels")
@@ -309,7 +319,7 @@ def _mark(name: str, place: str, held: Any) -> ObjectMark:
     frame, x, y = (held.get(key, "missing") for key in ("frame", "x_px", "y_px"))
     if type(frame) is not int or not 0 <= frame < 2**31:
         raise _wrong(name, f"{place}: frame is {frame!r}, not a whole number from 0")
-    x, y = (_pixels(name, place, key, value) for key, value in (("x_px", x), ("y_px", y)))
+    x, y = (_number(name, place, key, value) for key, value in (("x_px", x), ("y_px", y)))
     return ObjectMark(frame, x, y, held.get("moved") is True)
 
 
@@ -341,6 +351,8 @@ def write_corrections(path: Path, corrections: Corrections) -> None:
         document["mass"] = table(corrections.mass)
     if corrections.stick is not None:
         document["stick"] = asdict(corrections.stick)
+    if corrections.axes is not None:
+        document["axes"] = asdict(corrections.axes)
     for key in FIXED_POINTS:
         if (point := getattr(corrections, key)) is not None:
             document[key] = dict(zip(("x_px", "y_px"), point, strict=True))
@@ -422,6 +434,8 @@ def _given(corrections: Corrections, corrected: bool) -> dict[str, str]:
     for key in FIXED_POINTS:
         if (point := getattr(corrections, key)) is not None:
             points[f"{key}_at"] = "{:g},{:g}".format(*point)
+    if corrections.axes is not None:
+        points["axes"] = "{:g},{:g},{:g}".format(*astuple(corrections.axes))
     return points
 
 

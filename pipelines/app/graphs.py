@@ -1,15 +1,15 @@
 """Graphs of a measurement as ECharts options; each point carries its frame."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.measure.files import report_input
-from pipelines.measure.measurement import ClipMeasurement, tracks_as_frame
-from pipelines.report import Curve, GapRecord, SpeedRecord
+from pipelines.measure.measurement import ClipMeasurement, on_axes, tracks_as_frame
+from pipelines.report import Curve, GapRecord, ReportInput, SpeedRecord
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -84,7 +84,7 @@ def graphs_of(measured: ClipMeasurement) -> tuple[Graph, ...]:
     found: list[Graph] = []
     if shown.gap is not None:
         found.append(_gap(shown.gap, clock))
-    found += _paths(table, () if shown.path is None else shown.path.fits)
+    found += _paths(table, _fitted_paths(measured, shown))
     found += _speeds(shown.speeds, clock) if shown.speeds else _steps(table)
     found += _angles(table)
     return tuple(found)
@@ -176,6 +176,18 @@ def _paths(table: "pd.DataFrame", fits: Iterable[Curve]) -> list[Graph]:
         Graph("path", f"x / {unit}", f"y / {unit}{down}", False, (*path, *drawn)),
         Graph("position", "t / s", f"x, y / {unit}", True, tuple(over_time)),
     ]
+
+
+def _fitted_paths(measured: ClipMeasurement, shown: ReportInput) -> list[Curve]:
+    """Fitted paths on the axes of the table; those of the fit are along the flight."""
+    if measured.impact is None or shown.path is None:
+        return []
+    forward = np.array([measured.impact.tracks.direction, 1.0])
+    found = []
+    for curve in shown.path.fits:
+        place = on_axes(measured, np.column_stack([curve.x, curve.y]) * forward)
+        found.append(replace(curve, x=place[:, 0], y=place[:, 1]))
+    return found
 
 
 def _speeds(speeds: Iterable[SpeedRecord], clock: _Clock) -> list[Graph]:

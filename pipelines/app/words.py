@@ -54,6 +54,7 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "this_ball": ("This is the ball", "Das ist der Ball"),
     "this_mass": ("This is the pendulum", "Das ist das Pendel"),
     "pivot": ("Pivot", "Drehachse"),
+    "axes": ("Axes", "Achsen"),
     "stick": ("Calibration stick", "Maßstab im Bild"),
     "stick_length": ("Its length", "Seine Länge"),
     "stick_needs_length": (
@@ -440,6 +441,7 @@ _PLACES = {
     "mass-at": "this_mass",
     "pivot-at": "pivot",
     "landing-at": "point_landing",
+    "axes": "axes",
     "support-height": "support",
     "camera-distance": "camera_distance",
     "ball-plane": "ball_plane",

@@ -45,13 +45,15 @@ from pipelines.measure.inputs import (
     kinds_of,
     quantities_except,
 )
-from pipelines.measure.measurement import ClipMeasurement, motion_warning
+from pipelines.measure.measurement import Axes, ClipMeasurement, motion_warning
 from pipelines.measure.metres import (
     MAX_ESTIMATE_DIFFERENCE,
     STATED_STD_PX,
     AssumedLens,
+    BallScale,
     CameraMapping,
     MetricTracks,
+    PlaneMapping,
     assumed_lens,
     calibrate_clip,
     radius_relative_std,
@@ -210,7 +212,7 @@ class MeasureOptions:
     quantities to evaluate, with everything their uncertainties and checks need; None: all. Of
     `every` n pictures one is read. `pivot_at` takes the place of the fitted pivot (px),
     `landing_at` that of the flight's end, `corrected` that of what is found in the clip, `kind`
-    that of the most probable kind of motion.
+    that of the most probable kind of motion. `axes` are those of positions in metres.
     """
 
     setup: Setup = field(default_factory=Setup)
@@ -222,6 +224,7 @@ class MeasureOptions:
     mass_at: Point | None = None
     pivot_at: tuple[float, float] | None = None
     landing_at: tuple[float, float] | None = None
+    axes: Axes | None = None
     budget: Propagation = Propagation.RESPONSE
     scale_m_per_px: tuple[float, float] | None = None
     joint_rate: CaptureRate | None = None
@@ -299,6 +302,8 @@ class Found:
     warnings : tuple of str
     assumed : tuple of Assumption
         What is assumed since it was not given.
+    plane : PlaneMapping or None
+        Pixels to metres in the plane of motion; None without a scale.
     """
 
     results: Results
@@ -308,6 +313,7 @@ class Found:
     grid: WallGrid | None
     warnings: tuple[str, ...]
     assumed: tuple[Assumption, ...] = ()
+    plane: PlaneMapping | None = None
 
 
 @measured_once
@@ -375,7 +381,8 @@ def measure_clip(
     fitted = fitted_once(clip, options, lambda: fit_tracks(followed, report, kept))
     found = quantities_of(fitted, report, options.budget, options.wanted)
     doubts = [*_pivot_doubts(seen.tracks, tracks), *_landing_doubts(found.evaluated)]
-    return measurement_of(seen.info, followed, found, (*seen.warnings, *doubts))
+    made = measurement_of(seen.info, followed, found, (*seen.warnings, *doubts))
+    return replace(made, axes=options.axes)
 
 
 _MIN_ARM_RADII = 2.0
@@ -508,6 +515,7 @@ def measurement_of(
         findings=findings,
         assumed=found.assumed,
         joint=results.joint,
+        plane=found.plane,
     )
 
 
@@ -543,7 +551,7 @@ def fitted_once(
         Does the fitting.
     """
     kept = Cache.of_user(wanted=options.cache)
-    fit_options = replace(options, wanted=None, budget=Propagation.RESPONSE)
+    fit_options = replace(options, wanted=None, budget=Propagation.RESPONSE, axes=None)
     key = kept.key("fits", clip.info.sha256, _lens_digest(options), fit_options)
     found = kept.get(key)
     if isinstance(found, FittedClip):
@@ -624,7 +632,8 @@ def quantities_of(
     followed, wall, scene = fitted.followed, fitted.wall, fitted.scene
     tracks = followed.tracks
     evaluated = _evaluate(fitted, report, propagation, needed(wanted))
-    motion = motion_quantities(tracks, _motion_scene(scene, followed, wall))
+    moving = _motion_scene(scene, followed, wall)
+    motion = motion_quantities(tracks, moving)
     results = results_of(evaluated, tracks, wall.refusal, motion, wanted)
     assumed = _assumptions(scene, wall, tracks)
     notice, said = scene.rate.notice, {one.sentence for one in assumed}
@@ -636,9 +645,26 @@ def quantities_of(
         warnings.append(f"the wall gives no calibration: {wall.refusal.reason}")
     warnings += results.warnings
     warnings += _two_strikes(evaluated, tracks)
+    plane = _plane(evaluated, results, moving, tracks)
     return Found(
-        results, scene.rate, evaluated, wall.calibration, wall.grid, tuple(warnings), assumed
+        results, scene.rate, evaluated, wall.calibration, wall.grid, tuple(warnings), assumed, plane
     )
+
+
+def _plane(
+    evaluated: Evaluated, results: Results, moving: MotionScene, tracks: Tracks
+) -> PlaneMapping | None:
+    """The plane of motion as the quantities use it; None where they have no scale."""
+    scene = evaluated.scene
+    if scene.calibration is not None:
+        return CameraMapping(scene.calibration)
+    if evaluated.impact is not None:
+        known = {one.name for one in results.quantities if one.known}
+        return scene.plane_of_ball(tracks) if "ball_speed" in known else None
+    if moving.scale is None:
+        return None
+    first = tracks.ball.centre_px[0]
+    return BallScale(moving.scale.metres_per_px, first, first)
 
 
 def _assumptions(

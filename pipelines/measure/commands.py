@@ -35,6 +35,7 @@ from metrology.files import printable
 from metrology.quantity import format_quantity
 from pipelines.api.quantities import measure_options
 from pipelines.doors import (
+    AxesOption,
     BallAtOption,
     BallOption,
     ClipArgument,
@@ -420,6 +421,7 @@ def measure_command(
     mass_at: MassAtOption = None,
     pivot_at: PivotAtOption = None,
     landing_at: LandingAtOption = None,
+    axes: AxesOption = None,
     kind: KindOption = None,
     csv: CsvOption = None,
     json: JsonOption = None,
@@ -463,7 +465,7 @@ def measure_command(
             hint="vision measure CLIP, or vision measure --from-tracks FILE",
         )
     if out is not None:
-        words = (fps, ball, wall_grid, ball_at, mass_at, pivot_at, landing_at, kind)
+        words = (fps, ball, wall_grid, ball_at, mass_at, pivot_at, landing_at, axes, kind)
         option_texts = [str(word) for word in (*words, *_asked(wanted))]
         option_texts += ["" if scale is None else scale, str(budget), str(every)]
         option_texts.append("" if setup is None else setup.read_text(encoding="utf-8"))
@@ -484,7 +486,7 @@ def _begin(given: Mapping[str, Any]) -> tuple[WantedFiles, MeasureOptions]:
     named = {one.name for one in fields(WantedFiles)}
     wanted = WantedFiles(**{name: value for name, value in given.items() if name in named})
     how = ("setup", "fps", "ball", "wall_grid", "ball_at", "mass_at", "scale", "budget", "every")
-    chosen = {name: given[name] for name in (*how, "kind", "pivot_at", "landing_at")}
+    chosen = {name: given[name] for name in (*how, "kind", "pivot_at", "landing_at", "axes")}
     return wanted, measure_options(**chosen, cache=not given["no_cache"])
 
 
@@ -501,6 +503,7 @@ def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # t
         mass_at: MassAtOption = None,
         pivot_at: PivotAtOption = None,
         landing_at: LandingAtOption = None,
+        axes: AxesOption = None,
         kind: KindOption = None,
         csv: CsvOption = None,
         json: JsonOption = None,

@@ -14,7 +14,7 @@ from pipelines.checker.scene import Finding
 from pipelines.measure.budget import JointCovariance
 from pipelines.measure.impact import Impact
 from pipelines.measure.inputs import QUANTITY_UNITS, Assumption
-from pipelines.measure.metres import CameraMapping, MetricTracks
+from pipelines.measure.metres import PlaneMapping
 from pipelines.report import Check
 from pipelines.setup.file import RigNumber
 from vision.clip.footage import CaptureRate
@@ -27,15 +27,19 @@ if TYPE_CHECKING:
 __all__ = [
     "QUANTITY_UNITS",
     "TRACK_COLUMNS",
+    "Axes",
     "ClipMeasurement",
     "alternative_kinds",
     "motion_warning",
+    "on_axes",
     "steady_px",
     "track_covariance",
     "tracks_as_csv",
     "tracks_as_frame",
 ]
 
+
+FloatArray = NDArray[np.float64]
 
 _CONFIDENT_PROBABILITY = 0.95
 """Probability of the motion kind below which a warning is given (convention: the level of stated
@@ -66,6 +70,29 @@ def motion_warning(motion: Motion) -> tuple[str, ...]:
         f" its quantities hold only if it is a {kind}. Show more of the motion, or point at the"
         " ball with another --ball-at.",
     )
+
+
+@dataclass(frozen=True)
+class Axes:
+    """Axes of positions, placed in the picture.
+
+    Attributes
+    ----------
+    x_px, y_px : float
+        Origin.
+    turn_deg : float
+        Counter-clockwise turn of the x axis from the rows of the picture, degrees.
+    """
+
+    x_px: float
+    y_px: float
+    turn_deg: float = 0.0
+
+    @property
+    def turn(self) -> FloatArray:
+        """Rotation (2, 2) of positions and displacements in rows, y up."""
+        turn = np.radians(self.turn_deg)
+        return np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
 
 
 @dataclass(frozen=True)
@@ -100,6 +127,10 @@ class ClipMeasurement:
         What is assumed since it was not given; the sentences are among the warnings.
     joint : JointCovariance or None
         Covariance of the known quantities.
+    plane : PlaneMapping or None
+        Pixels to metres in the plane of motion; None without a scale.
+    axes : Axes or None
+        Where a person placed the axes of positions in metres.
     """
 
     info: ClipInfo
@@ -117,6 +148,8 @@ class ClipMeasurement:
     findings: tuple[Finding, ...] = ()
     assumed: tuple[Assumption, ...] = ()
     joint: JointCovariance | None = None
+    plane: PlaneMapping | None = None
+    axes: Axes | None = None
 
     @property
     def motion(self) -> Motion:
@@ -130,8 +163,6 @@ class ClipMeasurement:
 
 BALL, PENDULUM = "ball", "pendulum"
 """Objects of a track table, as in its files."""
-
-FloatArray = NDArray[np.float64]
 
 Metric = tuple[FloatArray, FloatArray]
 """Positions (N, 2), x right along the wall and y up, m; and their covariances (N, 2, 2), m²."""
@@ -153,11 +184,11 @@ def tracks_as_frame(measured: ClipMeasurement) -> "pd.DataFrame":
     `x_px` and `y_px` are the place in the frame. Of a hand-held camera `CAMERA_COLUMNS` follow,
     which `steady_px` takes away; the metres are of the steady scene.
 
-    `x_m` is to the right along the wall, `y_m` up; `phi_rad` is 0 at the lowest point of the
-    swing, positive towards the ball. Empty where no scale, or no angle, is known. The standard
-    uncertainties of a row are random and slowly varying errors; errors common to a clip (scale,
-    ball plane) are in the budgets of the quantities; `phi_zero_std` is the common error of all
-    angles.
+    `x_m` is to the right along the wall, `y_m` up, unless axes were placed; `phi_rad` is 0 at the
+    lowest point of the swing, positive towards the ball. Empty where no scale, or no angle, is
+    known. The standard uncertainties of a row are random and slowly varying errors; errors common
+    to a clip (scale, ball plane) are in the budgets of the quantities; `phi_zero_std` is the common
+    error of all angles.
     """
     import pandas as pd
 
@@ -226,18 +257,27 @@ def _objects(measured: ClipMeasurement) -> dict[str, Track]:
 
 
 def _in_metres(measured: ClipMeasurement, name: str, track: Track) -> Metric | None:
-    """Positions and covariances, by the camera or by the ball's own size."""
-    ballistic = name != PENDULUM
-    if measured.calibration is not None:
-        mapping = CameraMapping(measured.calibration)
-        if ballistic:
-            return mapping.ball(track.centre_px, track.covariance_px2)
-        return mapping.point(track.centre_px), _covariance_in_metres(mapping.point, track)
-    metric = _scaled_by_the_ball(measured)
-    if metric is None or name != BALL:
+    """Positions and covariances, by the camera, the ball's size or the given scale."""
+    mapping = measured.plane
+    if mapping is None:
         return None
-    flip = np.array([metric.direction, 1.0])
-    return metric.ball_m * flip, metric.ball_cov_m2 * np.outer(flip, flip)
+    if name == PENDULUM:
+        place = mapping.point(track.centre_px)
+        spread = _covariance_in_metres(mapping.point, track)
+    else:
+        place, spread = mapping.ball(track.centre_px, track.covariance_px2)
+    if measured.axes is None:
+        return place, spread
+    turn = measured.axes.turn
+    return on_axes(measured, place), turn.T @ spread @ turn
+
+
+def on_axes(measured: ClipMeasurement, place: FloatArray) -> FloatArray:
+    """Positions (N, 2) of the plane of motion on the axes that were placed, m."""
+    if measured.axes is None or measured.plane is None:
+        return place
+    origin = measured.plane.point(np.array([measured.axes.x_px, measured.axes.y_px]))
+    return np.asarray((place - origin) @ measured.axes.turn)
 
 
 def _covariance_in_metres(point: Callable[[FloatArray], FloatArray], track: Track) -> FloatArray:
@@ -247,13 +287,6 @@ def _covariance_in_metres(point: Callable[[FloatArray], FloatArray], track: Trac
         [point(track.centre_px + step) - point(track.centre_px - step) for step in steps], axis=-1
     )
     return np.asarray(slope @ track.covariance_px2 @ np.swapaxes(slope, -1, -2))
-
-
-def _scaled_by_the_ball(measured: ClipMeasurement) -> MetricTracks | None:
-    """Metric tracks of a clip without a wall grid; None without a scale."""
-    if measured.impact is None or not measured.quantity("ball_speed").known:
-        return None
-    return measured.impact.tracks
 
 
 def _angles(measured: ClipMeasurement) -> tuple[FloatArray, FloatArray]:

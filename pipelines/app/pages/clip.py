@@ -1,6 +1,7 @@
 """Page Clip: frame with outlines, numbers, messages, inputs and graphs."""
 
 import json
+import math
 from dataclasses import replace
 from functools import partial
 from html import escape
@@ -15,6 +16,7 @@ from pipelines.app.pages.frame import ClipFrame, FramePoint, PlacedAt
 from pipelines.app.pages.spans import SpanCard
 from pipelines.app.session import AppSession, ClipSession
 from pipelines.app.words import Say, label_of, on_page
+from pipelines.measure.measurement import Axes
 from pipelines.web import Jobs
 
 __all__ = ["ClipPage", "copy_card", "job_status", "standing_text"]
@@ -40,9 +42,13 @@ _POINTED = (
     ("mass", "this_mass"),
     ("pivot", "pivot"),
     ("landing", "point_landing"),
+    ("axes", "axes"),
     ("end0", "stick"),
 )
 """What can be pointed at, and the keys of the buttons."""
+
+_ARM_OF_AXES = 0.25
+"""Length of the drawn x axis relative to the shorter side of the frame (chosen)."""
 
 _ENDS = ("end0", "end1")
 _OBJECTS = ("ball", "mass")
@@ -317,9 +323,42 @@ class ClipPage:
         elif placed.kind in FIXED_POINTS:
             at: dict[str, Any] = {placed.kind: (placed.x, placed.y)}
             self.clip.change(replace(self.clip.corrections, **at))
+        elif placed.kind in ("axes", "axes_x"):
+            self._place_axes(placed)
         elif placed.kind in _OBJECTS:
             moved = not placed.pointed
             self.clip.mark(placed.kind, placed.frame, placed.x, placed.y, moved=moved)
+
+    def _place_axes(self, placed: PlacedAt) -> None:
+        """Move the origin, or turn the axes so that x is on the place."""
+        now = self.clip.corrections
+        axes = now.axes or Axes(placed.x, placed.y)
+        if placed.kind == "axes":
+            axes = replace(axes, x_px=placed.x, y_px=placed.y)
+        else:
+            x, y = placed.x - axes.x_px, axes.y_px - placed.y
+            side = -1.0 if self._end_of_axes(axes)[2] == "−x" else 1.0
+            axes = replace(axes, turn_deg=round(math.degrees(math.atan2(side * y, side * x)), 2))
+        self.clip.change(replace(now, axes=axes))
+
+    def _end_of_axes(self, axes: Axes) -> tuple[float, float, str]:
+        """A point of the x axis within the frame, and its label."""
+        info = self.clip.frames.info
+        assert info is not None
+        arm, turn = _ARM_OF_AXES * min(info.width, info.height), math.radians(axes.turn_deg)
+        x, y = arm * math.cos(turn), -arm * math.sin(turn)
+        if 0.0 <= axes.x_px + x < info.width and 0.0 <= axes.y_px + y < info.height:
+            return axes.x_px + x, axes.y_px + y, "x"
+        return axes.x_px - x, axes.y_px - y, "−x"
+
+    def _axes_points(self) -> list[FramePoint]:
+        axes = self.clip.corrections.axes
+        if axes is None or self.clip.frames.info is None:
+            return []
+        return [
+            FramePoint("axes", axes.x_px, axes.y_px, "0"),
+            FramePoint("axes_x", *self._end_of_axes(axes), join="axes"),
+        ]
 
     def _place_end(self, placed: PlacedAt) -> None:
         self._ends[placed.kind] = (placed.x, placed.y)
@@ -343,6 +382,7 @@ class ClipPage:
 
     def _show_points(self) -> None:
         points = [FramePoint(key, x, y, "", "end0") for key, (x, y) in self._ends.items()]
+        points += self._axes_points()
         found = self.clip.marks()
         for key, label in (("pivot", "pivot"), ("landing", "point_landing")):
             at = getattr(self.clip.corrections, key) or found[key]

@@ -23,6 +23,7 @@ from pipelines.app.corrections import (
     read_corrections,
     write_corrections,
 )
+from pipelines.measure.measurement import Axes
 from vision.tracks import MotionKind
 
 CLIP = Path("/lab/a strike.mp4")
@@ -41,6 +42,7 @@ def test_corrections_survive_the_file(tmp_path: Path) -> None:
         Stick(1.5, 2.0, 301.5, 402.0, "1 m ± 2 mm"),
         (120.5, -8.0),
         (310.0, 88.25),
+        Axes(10.0, 20.5, -7.0),
     )
     write_corrections(file, corrections)
     assert read_corrections(file) == corrections
@@ -212,6 +214,13 @@ def test_a_placed_point_is_an_option_in_command_and_python(point: str) -> None:
     assert getattr(options, f"{point}_at") == (120.5, -8.0)
     assert f"--{point}-at 120.5,-8" in as_command(CLIP, corrections, corrected=False)
     assert f"{point}_at='120.5,-8'" in as_python(CLIP, corrections, corrected=False)
+
+
+def test_placed_axes_are_an_option_in_command_and_python() -> None:
+    corrections = Corrections(axes=Axes(10.0, 20.5, -7.0))
+    assert options_of(CLIP, corrections, corrected=False).axes == corrections.axes
+    assert "--axes 10,20.5,-7" in as_command(CLIP, corrections, corrected=False)
+    assert "axes='10,20.5,-7'" in as_python(CLIP, corrections, corrected=False)
 
 
 def test_a_proposed_option_is_an_input_of_the_clip() -> None:
