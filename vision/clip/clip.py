@@ -25,11 +25,13 @@ own.
 """
 
 import hashlib
+import math
 import os
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from itertools import islice
 from pathlib import Path
 from typing import Any, Literal, Protocol
@@ -774,9 +776,9 @@ def open_video(
         height, width = width, height
     notes += [size_note] if size_note else []
     rate = 1.0 / times.interval_s if times.interval_s > 0 else video.declared_rate
-    shown = source.times if isinstance(source, DistinctPictures) else 1
+    shown = source.times if isinstance(source, DistinctPictures) else Fraction(1)
     seconds = source.times_s
-    rate /= shown
+    rate /= float(shown)
     info = ClipInfo(
         path=path,
         sha256=video.sha256(),
@@ -821,11 +823,14 @@ def _distinct(
     if found.times == 1:
         return source, combing, []
     distinct = DistinctPictures(source, found)
+    shown, first = found.times, math.ceil(found.shift)
+    how = f"every picture {shown} times"
+    if shown.denominator > 1:
+        how = f"{shown.denominator} pictures in {shown.numerator} frames, some of them repeated"
     note = (
-        f"The file shows every picture {found.times} times (frame rate raised by a program): the "
-        "repeats are dropped. Times, frame rate and frame numbers are those of the different"
-        f" pictures: number n is frame {found.times}·n{f' + {found.first}' if found.first else ''}"
-        " of the file, counted from 0."
+        f"The file shows {how} (frame rate raised by a program): the repeats are dropped. Times,"
+        " frame rate and frame numbers are those of the different pictures: number n is frame"
+        f" {float(shown):g}·n{f' + {first}' if first else ''} of the file, counted from 0."
     )
     return distinct, _examined(distinct, height, width), [note]
 
@@ -915,7 +920,7 @@ def _without_repeats(folder: _Images) -> tuple[_Images | DistinctPictures, ClipI
     info = replace(
         folder.info,
         frames=len(source.times_s),
-        container_fps=folder.info.container_fps / source.times,
+        container_fps=folder.info.container_fps / float(source.times),
         duration_s=float(source.times_s[-1]),
         times_shown=source.times,
         warnings=(*folder.info.warnings, *notes),
@@ -1020,7 +1025,7 @@ class ClipReader:
         return clip
 
     def _thinned(self, every: int) -> "ClipReader":
-        source = DistinctPictures(self._source, Repeats(times=every))
+        source = DistinctPictures(self._source, Repeats(Fraction(every)))
         fields = 2 if self.info.interlaced else 1
         info = replace(self.info, frames=fields * len(source.times_s), every=every)
         return ClipReader(source, info, self._upright)

@@ -878,12 +878,13 @@ def _given(fps: float, std: float | None, source: RateSource, info: ClipInfo) ->
     if told is not None and abs(told / fps - 1.0) > 0.005:
         notice = f"The file states {told:g} fps, the {source} {fps:g} fps; the {source} is used."
     std = nominal_rate_std(fps) if std is None else std
-    shown = info.times_shown * info.container_fps
+    times = float(info.times_shown)
+    shown = times * info.container_fps
     if info.times_shown > 1 and info.container_declares_rate and abs(fps / shown - 1.0) < 0.005:
-        fps, std = fps / info.times_shown, std / info.times_shown
+        fps, std = fps / times, std / times
         notice = (
             f"The {source} gives the rate of the file, {shown:g} fps, which shows each picture "
-            f"{info.times_shown} times, so {fps:g} different pictures per second are used."
+            f"{times:g} times, so {fps:g} different pictures per second are used."
         )
     pictures = 0.5 * info.container_fps
     if info.interlaced and info.container_declares_rate and abs(fps / pictures - 1.0) < 0.005:

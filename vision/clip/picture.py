@@ -4,6 +4,7 @@ import io
 import threading
 import warnings
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
@@ -92,8 +93,8 @@ class ClipInfo:
         Whether frame times do not fit an even clock, up to missing frames and the clock's ticks.
     warnings : tuple of str
         Warnings about the file, in whole sentences.
-    times_shown : int
-        How often the file shows each picture; the frames are the pictures, each once.
+    times_shown : Fraction
+        Frames of the file per picture; the frames are the pictures, each once.
     every : int
         Only every n-th picture is read.
     """
@@ -113,7 +114,7 @@ class ClipInfo:
     capture_fps_metadata: float | None
     variable_rate: bool
     warnings: tuple[str, ...] = ()
-    times_shown: int = 1
+    times_shown: Fraction = Fraction(1)
     every: int = 1
 
     @property

@@ -1,13 +1,15 @@
 """Detect clips that show every picture several times, and read each picture once.
 
-Programs that raise a clip's frame rate (25 pictures per second in a file of 50) repeat pictures. An
-object then moves in every second step only, which no motion model describes. The repeats are coded
-anew and may differ from the first copy by the codec's noise, so changes are compared with the
-changes between pictures that differ, in the same clip.
+Programs that raise a clip's frame rate (25 pictures per second in a file of 50, or 24 in one of 30
+or 60) repeat pictures. An object then moves in some steps only, which no motion model describes.
+The repeats are coded anew and may differ from the first copy by the codec's noise, so changes are
+compared with the changes between pictures that differ, in the same clip.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, Protocol
 
 import numpy as np
@@ -19,6 +21,12 @@ FloatImage = NDArray[np.float32]
 
 _MAX_TIMES = 8
 """Largest number of repeats tried, 1 (convention: 30 pictures per second in a file of 240)."""
+
+_CADENCES = tuple(
+    Fraction(*pair) for pair in ((60, 24), (60, 25), (50, 24), (50, 30), (30, 24), (30, 25))
+)
+"""Frames per picture where the rate was raised by no whole number (convention: rates of films and
+broadcasts)."""
 
 _MAX_REPEAT_CHANGE = 0.25
 """Largest change within a repeated picture, fraction of the squared change to the next (derived:
@@ -57,14 +65,20 @@ class Repeats:
 
     Attributes
     ----------
-    times : int
-        1 if no picture is repeated.
-    first : int
-        Picture at which the first complete group of repeats begins.
+    times : Fraction
+        Frames per picture; 1 if no picture is repeated.
+    shift : Fraction
+        Place of the first complete group of repeats, in frames, above -1; the group begins at the
+        next frame.
     """
 
-    times: int = 1
-    first: int = 0
+    times: Fraction = Fraction(1)
+    shift: Fraction = Fraction(0)
+
+    def begins(self, frames: int) -> NDArray[np.int64]:
+        """The first frame of each group."""
+        count = max(0, math.floor((frames - 1 - self.shift) / self.times) + 1)
+        return np.array([math.ceil(self.shift + k * self.times) for k in range(count)], np.int64)
 
 
 class RepeatDetector:
@@ -96,16 +110,18 @@ class RepeatDetector:
         energy = self._energy()
         # What the codec changes within a group is small beside the largest motion.
         large = energy > _MAX_REPEAT_CHANGE * energy.max()
-        return int(np.count_nonzero(large[:-1] & large[1:])) >= _MIN_STEPS
+        lone = int(np.count_nonzero(large[:-2] & ~large[1:-1] & large[2:]))
+        both = int(np.count_nonzero(large[:-1] & large[1:]))
+        return both >= _MIN_STEPS and lone <= (1.0 - _MIN_AGREEING_FRACTION) * both
 
     def verdict(self) -> Repeats:
         """The smallest number of repeats with which the steps agree."""
         moving, changed = self._energy() > 0.0, self._energy(_CHANGED_SIGMAS, 1)
-        for times in range(2, _MAX_TIMES + 1):
-            for phase in range(times):
-                if _agrees(moving, changed, times, phase):
-                    # Step k lies between pictures k and k + 1; a step ends a group.
-                    return Repeats(times, (phase + 1) % times)
+        for times in (*map(Fraction, range(2, _MAX_TIMES + 1)), *_CADENCES):
+            for phase in range(1 - times.denominator, times.numerator + 1 - times.denominator):
+                found = Repeats(times, Fraction(phase, times.denominator))
+                if _agrees(moving, changed, found):
+                    return found
         return Repeats()
 
     def _energy(
@@ -125,15 +141,26 @@ class RepeatDetector:
         )
 
 
-def _agrees(
-    moving: NDArray[np.bool_], changed: NDArray[np.float64], times: int, phase: int
-) -> bool:
-    """Whether objects move in steps `phase`, `phase + times`, … and hardly change between."""
-    begins = np.arange(phase, len(changed) - times, times)
-    moved = begins[moving[begins] & moving[begins + times]]
-    between = changed[moved[:, np.newaxis] + np.arange(1, times)].max(axis=1, initial=0.0)
-    still = between < _MAX_REPEAT_CHANGE * np.minimum(changed[moved], changed[moved + times])
-    return len(moved) >= _MIN_STEPS and int(still.sum()) >= _MIN_AGREEING_FRACTION * len(moved)
+def _agrees(moving: NDArray[np.bool_], changed: NDArray[np.float64], repeats: Repeats) -> bool:
+    """Whether objects move where groups of repeats begin, and hardly change between."""
+    # step k lies between frames k and k + 1
+    begins = repeats.begins(len(changed) + 1) - 1
+    begins = begins[begins >= 0]
+    first, last = begins[:-1], begins[1:]
+    moved = moving[first] & moving[last] & (last - first > 1)
+    first, last = first[moved], last[moved]
+    limit = _MAX_REPEAT_CHANGE * np.minimum(changed[first], changed[last])
+    still = np.array(
+        [
+            changed[a + 1 : b].max() < most
+            for a, b, most in zip(first, last, limit.tolist(), strict=True)
+        ]
+    )
+    if len(still) < _MIN_STEPS or still.sum() < _MIN_AGREEING_FRACTION * len(still):
+        return False
+    # no object moves in the other steps
+    large = changed > _MAX_REPEAT_CHANGE * float(np.median(changed[first]))
+    return int(large[begins].sum()) >= _MIN_AGREEING_FRACTION * int((large & moving).sum())
 
 
 class _Source(Protocol):
@@ -175,8 +202,8 @@ class DistinctPictures:
         self._repeats = repeats
 
     @property
-    def times(self) -> int:
-        """How often the source shows each picture."""
+    def times(self) -> Fraction:
+        """Frames of the source per picture."""
         return self._repeats.times
 
     @property
@@ -186,16 +213,25 @@ class DistinctPictures:
 
     @property
     def times_s(self) -> NDArray[np.float64]:
-        """Times of the pictures, s, 0 at the first."""
-        times = self._source.times_s[self._repeats.first :: self._repeats.times]
-        return times - times[0] if len(times) else times
+        """Times of the pictures, s, 0 at the first: even where their groups are not."""
+        given, repeats = self._source.times_s, self._repeats
+        count = len(repeats.begins(len(given)))
+        if count < 2:
+            return np.zeros(count)
+        places = float(repeats.shift) + float(repeats.times) * np.arange(count)
+        before = 2.0 * given[0] - given[1]
+        times = np.interp(places, np.arange(-1, len(given)), [before, *given])
+        return np.asarray(times - times[0])
 
     def pictures(self) -> Iterator[RenumberedPicture]:
         """Yield the first copy of each picture, numbered anew."""
+        repeats, times = self._repeats, self.times_s
         begin = None
         for picture in self._source.pictures():
-            since = picture.index - self._repeats.first
-            if since < 0 or since % self._repeats.times:
+            number = math.floor((picture.index - repeats.shift) / repeats.times)
+            if number < 0 or math.ceil(repeats.shift + number * repeats.times) != picture.index:
                 continue
             begin = picture.time_s if begin is None else begin
-            yield RenumberedPicture(since // self._repeats.times, picture.time_s - begin, picture)
+            known = number < len(times)
+            time = float(times[number]) if known else picture.time_s - begin
+            yield RenumberedPicture(number, time, picture)

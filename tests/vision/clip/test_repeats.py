@@ -25,8 +25,8 @@ def repeated_pictures(pictures, times, first=None):
     return [picture for picture, count in zip(pictures, counts, strict=True) for _ in range(count)]
 
 
-def fall(count=40):
-    return noisy([scene(150.0, 25.0 + 0.11 * k**2, size=(320, 240)) for k in range(count)])
+def fall(count=40, bend=0.11):
+    return noisy([scene(150.0, 25.0 + bend * k**2, size=(320, 240)) for k in range(count)])
 
 
 @pytest.mark.parametrize("crf", ["0", "20", "30"])
@@ -155,3 +155,20 @@ def test_images_of_a_folder_may_repeat(tmp_path):
     clip = ClipReader.open(tmp_path)
     assert (clip.info.times_shown, clip.info.frames) == (2, len(pictures))
     assert clip.capture_times(25.0) == pytest.approx(np.arange(len(pictures)) / 25)
+
+
+@pytest.mark.parametrize("crf", ["0", "24"])
+@pytest.mark.parametrize(("shown", "rate"), [(24, 30), (24, 60), (25, 30), (25, 60), (30, 50)])
+def test_a_rate_raised_by_no_whole_number(tmp_path, shown, rate, crf):
+    pictures = fall(60, 0.05)
+    frames = [pictures[k * shown // rate] for k in range(len(pictures) * rate // shown)]
+    path = write_clip(tmp_path / "r.mp4", frames, rate=rate, options={"crf": crf})
+    clip = ClipReader.open(path)
+    assert clip.info.times_shown == pytest.approx(rate / shown)
+    assert clip.info.container_fps == pytest.approx(shown)
+    read = list(clip.frames())
+    assert len(pictures) - 1 <= len(read) == clip.info.frames
+    # an even clock, though the groups of repeats are uneven
+    assert [frame.time_s for frame in read] == pytest.approx(np.arange(len(read)) / shown)
+    for frame, picture in zip(read, pictures[-len(read) :], strict=True):
+        assert np.abs(frame.gray.astype(float) - picture).mean() < 4.0
