@@ -494,7 +494,13 @@ _UNSUPPORTED = {
     ".cihx": _PHOTRON,
     ".r3d": ("a raw recording of RED", "Export it as ProRes or MP4 with REDCINE-X."),
     ".braw": ("a raw recording of Blackmagic", "Export it as ProRes or MP4 with its player."),
+    ".seq": ("a recording of NorPix", "Export it as AVI or TIFF images with StreamPix."),
+    ".insv": ("a recording of Insta360", "Export a flat MP4 with Insta360 Studio."),
     ".dng": ("a raw photograph", "Convert all pictures to TIFF or PNG in a folder."),
+    ".heic": ("a photograph", "Pass the video; a live photo's is the MOV file of the same name."),
+    ".zip": ("a packed archive", "Unpack it and pass the video, or the folder of images."),
+    ".rar": ("a packed archive", "Unpack it and pass the video, or the folder of images."),
+    ".7z": ("a packed archive", "Unpack it and pass the video, or the folder of images."),
 }
 """Formats that can't be read, by suffix: what they are, and how to convert them."""
 
@@ -514,6 +520,11 @@ def _unreadable(path: Path, problem: FFmpegError) -> ClipError:
     named = _unsupported(path)
     if named is not None:
         return named
+    if head[:2] == b"CI":
+        return ClipError(
+            f"{path} is a recording of Phantom that can't be decoded",
+            hint="Convert it with Phantom Camera Control (PCC): save as AVI, or as 16 bit TIFF.",
+        )
     if head[4:8] in (b"ftyp", b"mdat", b"wide", b"moov", b"free", b"skip"):
         return ClipError(
             f"{path} is cut off: its index (moov) is missing or broken",

@@ -113,22 +113,18 @@ class ImageFolder:
     """
 
     def __init__(self, path: Path, *, whole: bool = False) -> None:
-        self._paths = sorted((item for item in path.iterdir() if is_image(item)), key=_natural)
-        if not self._paths:
-            videos = [one for one in path.iterdir() if one.suffix.lower() in _VIDEO_SUFFIXES]
-            raise ClipError(
-                f"there are no images in the folder {path}",
-                hint="Pass a video file, or a folder of numbered PNG, JPEG, BMP or TIFF images."
-                if not videos
-                else f"It holds {len(videos)} videos: pass one of them, or measure all with"
-                " vision campaign FOLDER (in Python: iv.campaign).",
-            )
+        # macOS keeps a hidden file beside each image
+        held = [one for one in path.iterdir() if not one.name.startswith(".")]
+        images = sorted((one for one in held if is_image(one)), key=_natural)
+        if not images:
+            raise _no_images(path, held)
+        self._paths, aside = _one_series(path, images)
         self._times, said = _times_of_names([path.name for path in self._paths])
         first = ImageFrame(0, self._paths[0], None).stored()
         self._mosaic = mosaic_of(first)
         self._shape = (int(first.shape[0]), int(first.shape[1]))
         codec = self._paths[0].suffix.lower().lstrip(".")
-        notes = (said, None if self._mosaic is None else MOSAIC_NOTE)
+        notes = (aside, said, None if self._mosaic is None else MOSAIC_NOTE)
         self.upright, self.info = _described(
             path, self._digest(), first, self._times, codec, notes, whole=whole
         )
@@ -150,6 +146,57 @@ class ImageFolder:
             digest.update(os.fsencode(path.name))
             digest.update(hashlib.sha256(path.read_bytes()).digest())
         return digest.hexdigest()
+
+
+def _no_images(path: Path, held: Sequence[Path]) -> ClipError:
+    """Why a folder is no clip, by what it holds."""
+    hint = "Pass a video file, or a folder of numbered PNG, JPEG, BMP or TIFF images."
+    videos = [one for one in held if one.suffix.lower() in _VIDEO_SUFFIXES]
+    raws = [one for one in held if one.suffix.lower() in _RAW_SUFFIXES]
+    if videos:
+        hint = (
+            f"It holds {len(videos)} videos: pass one of them, or measure all with"
+            " vision campaign FOLDER (in Python: iv.campaign)."
+        )
+    elif raws:
+        hint = (
+            f"It holds {len(raws)} raw or phone photographs ({raws[0].suffix}): convert them to"
+            " TIFF or PNG with the camera's program, one file each with its number."
+        )
+    elif any(one.is_dir() for one in held):
+        hint = "It holds folders: pass the one with the images."
+    return ClipError(f"there are no images in the folder {path}", hint=hint)
+
+
+def _one_series(path: Path, images: Sequence[Path]) -> tuple[list[Path], str | None]:
+    """The images of the recording, and a note on single ones beside it.
+
+    Raises
+    ------
+    ClipError
+        If there are several recordings: series whose names differ in more than their numbers.
+    """
+    series: dict[str, list[Path]] = {}
+    for image in images:
+        series.setdefault(re.sub(r"\d+", "#", image.name).lower(), []).append(image)
+    long = [one for one in series.values() if len(one) > _MAX_SINGLE_IMAGES]
+    if len(series) == 1 or 2 * sum(map(len, long)) < len(images):
+        return list(images), None
+    if len(long) > 1:
+        listed = ", ".join(f"{one[0].name} and {len(one) - 1} more" for one in long)
+        raise ClipError(
+            f"{path} holds the images of {len(long)} recordings: {listed}",
+            hint="Put each recording into a folder of its own.",
+        )
+    others = [one.name for one in images if one not in set(long[0])]
+    listed = ", ".join(others[:_MAX_SINGLE_IMAGES])
+    return long[0], f"{len(others)} images are no part of the series and not read: {listed}."
+
+
+_MAX_SINGLE_IMAGES = 3
+"""Images that are no recording of their own: a background, a thumbnail, a calibration (chosen)."""
+
+_RAW_SUFFIXES = {".dng", ".heic", ".heif", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".rw2", ".orf"}
 
 
 def _described(

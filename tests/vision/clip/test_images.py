@@ -122,3 +122,60 @@ def test_a_folder_of_videos_is_no_folder_of_images(tmp_path: Path) -> None:
     with pytest.raises(ClipError) as refused:
         ClipReader.open(tmp_path)
     assert "vision campaign" in str(refused.value.hint)
+
+
+def numbered(folder: Path, name: str, shade: int, count: int = 8) -> None:
+    folder.mkdir(exist_ok=True)
+    for k in range(count):
+        picture = np.full((40, 60), shade + k, np.uint8)
+        cv2.imwrite(str(folder / name.format(k)), picture)
+
+
+def test_other_files_in_a_folder_of_images(tmp_path: Path) -> None:
+    folder = tmp_path / "images"
+    numbered(folder, "img{:03d}.PNG", 60)
+    for k in range(8):
+        (folder / f"._img{k:03d}.png").write_bytes(b"\0\5\x16\7")
+    cv2.imwrite(str(folder / "background.png"), np.zeros((20, 30), np.uint8))
+    clip = ClipReader.open(folder)
+    assert [int(frame.gray[0, 0]) for frame in clip.frames()] == list(range(60, 68))
+    assert any("background.png" in warning for warning in clip.warnings)
+
+
+def test_two_recordings_in_a_folder_are_refused(tmp_path: Path) -> None:
+    folder = tmp_path / "images"
+    numbered(folder, "left{:03d}.png", 60)
+    numbered(folder, "right{:03d}.png", 90)
+    with pytest.raises(ClipError, match="of 2 recordings: left000"):
+        ClipReader.open(folder)
+
+
+@pytest.mark.parametrize(
+    ("name", "cure"), [("A{}.DNG", "convert them to TIFF"), ("a{}.mov", "8 videos")]
+)
+def test_a_folder_without_images_is_named_by_what_it_holds(
+    tmp_path: Path, name: str, cure: str
+) -> None:
+    for k in range(8):
+        (tmp_path / name.format(k)).write_bytes(b"x")
+    with pytest.raises(ClipError) as refused:
+        ClipReader.open(tmp_path)
+    assert cure in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "head", "said"),
+    [
+        ("a.zip", b"PK\3\4", "Unpack it"),
+        ("a.seq", b"\xed\xfe", "StreamPix"),
+        ("a.cine", b"CI\x2c\0\1\0", "Phantom Camera Control"),
+    ],
+)
+def test_files_that_are_not_read_name_their_export(
+    tmp_path: Path, name: str, head: bytes, said: str
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(head + bytes(4000))
+    with pytest.raises(ClipError) as refused:
+        ClipReader.open(path)
+    assert said in str(refused.value)
