@@ -335,7 +335,7 @@ ClipsOrNoneArgument = Annotated[
 SetupOption = Annotated[Path | None, typer.Option("--setup", help="Setup file of the lab (TOML).")]
 FpsOption = Annotated[str | None, typer.Option("--fps", help="Capture rate, such as 600.")]
 BallOption = Annotated[
-    str | None, typer.Option("--ball", help="jokku, basketball, or a diameter, such as 220mm.")
+    str | None, typer.Option("--ball", help="jokku, basketball, or 220mm, or '220mm, 0.35kg'.")
 ]
 GridOption = Annotated[
     str | None, typer.Option("--wall-grid", help="Side of the wall's grid squares, such as 50mm.")

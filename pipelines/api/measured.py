@@ -46,12 +46,12 @@ from pipelines.measure.files import (
     report_input,
     without_formulas,
 )
-from pipelines.measure.measurement import track_covariance, tracks_as_frame
+from pipelines.measure.measurement import bob_pendulum, track_covariance, tracks_as_frame
 from pipelines.render import NOISE, RenderOptions, parse_size, planned_scene
 from pipelines.report.page import results_html, write_report
 from pipelines.report.plots import plot_panel, plots_figure
 from pipelines.setup.file import Setup, read_setup
-from pipelines.setup.tables import checked_values
+from pipelines.setup.tables import ModelSetup, checked_values
 from sample_videos import Truth, render_clip
 from vision.clip.clip import ClipReader
 from vision.clip.clip import ClipReader as Recording
@@ -60,7 +60,7 @@ from vision.clip.picture import ClipInfo, GrayImage
 from vision.finding.selection import FoundObjects
 from vision.overlay import write_overlay
 from vision.stages import GivenObjects, candidate_table, detection_table, given_objects
-from vision.tracks import Motion
+from vision.tracks import Motion, MotionKind
 
 if TYPE_CHECKING:
     import numpy as np
@@ -202,13 +202,24 @@ class Measurement:
         **options
             As for `explain`.
         """
-        from pipelines.api.explained import explain
+        from pipelines.api.explained import Verdict, explain
+        from pipelines.explain.campaign import explain_campaign
+        from pipelines.explain.clips import campaign_of_flight
 
-        # gravity is along y of the picture, not of axes that were turned
-        tracks = tracks_as_frame(replace(self.record, axes=None))
-        swings = None if self.record.tracks.pendulum is None else tracks
-        known = self._setup if setup is None else setup
-        return explain(balls=tracks, pendulum=swings, setup=known, **options)
+        record = replace(self.record, axes=None)
+        tracks, kind = tracks_as_frame(record), record.motion.measured_as
+        known = self._setup if setup is None else setup_from(setup)
+        if kind is MotionKind.STRIKE or record.tracks.pendulum is not None:
+            swings = None if record.tracks.pendulum is None else tracks
+            return explain(balls=tracks, pendulum=swings, setup=known, **options)
+        if known.model == ModelSetup():
+            known = replace(known, model=ModelSetup(effects=("gravity",)))
+        if kind is not MotionKind.SWING:
+            return Verdict(explain_campaign(campaign_of_flight(record, known), known, **options))
+        bob = tracks[tracks["object"] == "ball"].assign(object="pendulum")
+        if known.pendulum is None:
+            known = replace(known, pendulum=bob_pendulum(record, known.ball))
+        return explain(pendulum=bob, setup=known, **options)
 
     @worded_for_python
     def plot(self, ax: "Axes | None" = None, *, panel: str = "path") -> "Picture | Axes":
@@ -361,7 +372,7 @@ def measure(
     if tracklets is not None:
         options = replace(options, corrected=_corrected(tracklets))
     with notebook_progress() as progress:
-        return Measurement(measure_clip(Path(path), options, progress), options.setup)
+        return Measurement(measure_clip(Path(path), options, progress), options.known)
 
 
 class TimedFrame(NamedTuple):

@@ -223,4 +223,5 @@ def _angles(table: "pd.DataFrame") -> list[Graph]:
         return []
     time, phi = own["t_s"].to_numpy(np.float64), np.degrees(own["phi_rad"].to_numpy(np.float64))
     rows = _rows(time, phi, own["frame"].to_numpy(np.float64))
-    return [Graph("angle", "t / s", "angle / °", True, (_points("pendulum", rows, 0),))]
+    name = str(own["object"].iloc[0])
+    return [Graph("angle", "t / s", "angle / °", True, (_points(name, rows, 0),))]

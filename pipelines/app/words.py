@@ -247,6 +247,12 @@ _TEXTS: dict[str, tuple[str, str]] = {
         "Vergleicht die Aufnahme mit dem Modell der Einrichtung und nennt die Physik, die fehlt."
         " Es dauert bis zu einigen Minuten.",
     ),
+    "why_alone": (
+        "Compares the recording with gravity alone: free fall, or a bob on a light cord. It names"
+        " what is missing, such as drag or friction.",
+        "Vergleicht die Aufnahme mit der Schwerkraft allein: freier Fall, oder ein Pendel an einem"
+        " leichten Faden. Es nennt, was fehlt, etwa Luftwiderstand oder Reibung.",
+    ),
     "explain": ("Compare", "Vergleichen"),
     "explaining": ("Comparing recording and model", "Aufnahme und Modell werden verglichen"),
     "why_picture": (

@@ -520,7 +520,8 @@ def _ball_model(name: str, setup: Setup, struck: bool) -> BallModel:
     if mass is None:
         raise SetupError(
             f"the ball {name or ball.name!r} has no mass",
-            hint='Add mass = "0.353 kg" to its table.',
+            hint='Add mass = "0.353 kg" to its table, or give it with the diameter, as in'
+            ' --ball "0.2 m, 0.353 kg".',
         )
     table = _contact_table(ball, setup) if struck and ball.launch_angle is not None else None
     return BallModel(name, mass, ball.diameter, ball.launch_angle, table)

@@ -51,6 +51,7 @@ __all__ = [
     "ClipFacts",
     "calibration_widths",
     "campaign_from_clips",
+    "campaign_of_flight",
     "clear_interval",
     "clip_facts",
     "common_widths",
@@ -300,13 +301,14 @@ def calibration_widths(measured: "ClipMeasurement") -> dict[str, float]:
         By the id of the corresponding effect.
     """
     rate = measured.rate.std / measured.rate.fps
-    if measured.calibration is None or measured.impact is None:
+    if measured.calibration is None:
         return {
             "time_base": rate,
             "length_scale": _relative_scale_std(measured),
         }
-    rows = np.isin(measured.tracks.ball.frame, measured.impact.tracks.ball_frame)
-    px = measured.tracks.ball.centre_px[rows]
+    px = measured.tracks.ball.centre_px
+    if measured.impact is not None:
+        px = px[np.isin(measured.tracks.ball.frame, measured.impact.tracks.ball_frame)]
     scale, roll = _scale_and_roll(measured.calibration, px[:: max(1, len(px) // 40)])
     # free fall sets time and length scale of a flight, along the columns of the image
     along, fall = outline_fractions(px)
@@ -325,8 +327,9 @@ SCALE_SOURCES = frozenset(
 
 def _relative_scale_std(measured: "ClipMeasurement") -> float:
     """Relative uncertainty of the scale without a grid, from the budget of the speed."""
-    speed = measured.quantity("ball_speed")
-    if not speed.value:
+    names = ("ball_speed", "flight_speed", "fall_acceleration")
+    speed = next((one for one in map(measured.quantity, names) if one.value), None)
+    if speed is None or not speed.value:
         return Defaults.BALL_DIAMETER.std
     parts = [part.std for part in speed.budget if part.source in SCALE_SOURCES]
     return max(math.hypot(*parts) / speed.value, Defaults.BALL_DIAMETER.std)
@@ -703,6 +706,33 @@ def campaign_from_clips(
         tuple(trials), (*left_out, *notes), common, instruments=common_faults(faults),
         assumed=level,
     )  # fmt: skip
+
+
+def campaign_of_flight(measured: "ClipMeasurement", setup: Setup) -> ClipCampaign:
+    """The free flight of a ball that nothing strikes, until its first bounce, as one trial.
+
+    What a camera that is not calibrated may do to a path has its typical size.
+
+    Raises
+    ------
+    UsageError
+        If there is no scale, or no flight.
+    """
+    from pipelines.measure.measurement import tracks_as_frame
+
+    name = measured.info.path.stem
+    # gravity is along y of the picture, not of axes that were turned
+    rows = flight_rows(tracks_as_frame(replace(measured, axes=None)), name)
+    place, std = (
+        rows.reindex(columns=[f"{axis}_m{end}" for axis in "xyz"]).to_numpy(float)
+        for end in ("", "_std")
+    )
+    none, ball = np.zeros(0), None if setup.ball is None else setup.ball.name
+    trial = Trial(name, rows["t_s"].to_numpy(float), place, none, none, ball, None, std, None)
+    slow = WanderingCentre()
+    drift = _with_widths(slow, np.repeat(np.nanmedian(std[:, :2], axis=0), len(slow.orders)))
+    widths = unknown_widths([trial]) | calibration_widths(measured)
+    return ClipCampaign((trial,), measured.warnings[:MAX_CLIP_WARNINGS], widths, True, (drift,))
 
 
 def with_rig(setup: Setup) -> Setup:

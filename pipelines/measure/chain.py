@@ -41,6 +41,7 @@ from pipelines.measure.inputs import (
     TIMELESS_UNITS,
     Assumption,
     Inputs,
+    chosen_ball,
     gather_inputs,
     kinds_of,
     quantities_except,
@@ -233,6 +234,11 @@ class MeasureOptions:
     every: int = 1
     corrected: GivenObjects | None = None
     kind: MotionKind | None = None
+
+    @property
+    def known(self) -> Setup:
+        """The setup with the ball given beside it."""
+        return replace(self.setup, ball=chosen_ball(self.setup, self.ball))
 
 
 @dataclass(frozen=True, eq=False)

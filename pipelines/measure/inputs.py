@@ -131,6 +131,21 @@ class Inputs:
         return 0.5 * self.air.density * area * radius * self.rig.spin.std / self.ball.mass
 
 
+def chosen_ball(setup: Setup, ball: str | None) -> BallSetup | None:
+    """The ball of the option, or of the setup file if that has one.
+
+    Raises
+    ------
+    UsageError
+        If the option is neither preset nor diameter.
+    """
+    if ball is not None:
+        return setup.balls.get(ball) or ball_from_option(ball)
+    if setup.ball is None and len(setup.balls) == 1:
+        return next(iter(setup.balls.values()))
+    return setup.ball
+
+
 def gather_inputs(setup: Setup, ball: str | None, wall_grid: str | None) -> Inputs:
     """Merge setup file and options; options take precedence.
 
@@ -139,11 +154,7 @@ def gather_inputs(setup: Setup, ball: str | None, wall_grid: str | None) -> Inpu
     UsageError
         If an option is no quantity, preset or pitch, or out of range.
     """
-    chosen = setup.ball
-    if ball is not None:
-        chosen = setup.balls.get(ball) or ball_from_option(ball)
-    if chosen is None and len(setup.balls) == 1:
-        chosen = next(iter(setup.balls.values()))
+    chosen = chosen_ball(setup, ball)
     if wall_grid is not None:
         squares = read_given(wall_grid, measurands.GRID_PITCH, "--wall-grid")
         wall = replace(setup.wall, grid=squares.value, grid_std=squares.std)

@@ -1,5 +1,6 @@
 """Result of one clip: quantities, checks, warnings, and the tracks as a table."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -10,15 +11,17 @@ from numpy.typing import NDArray
 from calib.calibration import Calibration
 from calib.grid import WallGrid
 from metrology import NotFoundError, Quantity
+from physics.bodies import Pendulum
 from pipelines.checker.scene import Finding
 from pipelines.measure.budget import JointCovariance
 from pipelines.measure.impact import Impact
 from pipelines.measure.inputs import QUANTITY_UNITS, Assumption
 from pipelines.measure.metres import PlaneMapping
 from pipelines.report import Check
-from pipelines.setup.file import RigNumber
+from pipelines.setup.file import BallSetup, RigNumber
 from vision.clip.footage import CaptureRate
 from vision.clip.picture import ClipInfo
+from vision.pendulum.arc import Arc, fit_arc
 from vision.tracks import Motion, MotionKind, Track, Tracks
 
 if TYPE_CHECKING:
@@ -30,9 +33,11 @@ __all__ = [
     "Axes",
     "ClipMeasurement",
     "alternative_kinds",
+    "bob_pendulum",
     "motion_warning",
     "on_axes",
     "steady_px",
+    "swing_arc",
     "track_covariance",
     "tracks_as_csv",
     "tracks_as_frame",
@@ -199,6 +204,8 @@ def tracks_as_frame(measured: ClipMeasurement) -> "pd.DataFrame":
             part["phi_rad"], part["phi_rad_std"] = _angles(measured)
             assert measured.tracks.pendulum is not None
             part["phi_zero_std"] = measured.tracks.pendulum.zero_std_rad
+        elif name == BALL and (arc := swing_arc(measured)) is not None:
+            part["phi_rad"], part["phi_rad_std"], part["phi_zero_std"] = _about(arc, track)
         parts.append(part)
     kept = [part for part in parts if len(part)] or parts[:1]
     table = pd.concat(kept, ignore_index=True).reindex(columns=list(TRACK_COLUMNS))
@@ -297,6 +304,45 @@ def _angles(measured: ClipMeasurement) -> tuple[FloatArray, FloatArray]:
         metric = measured.impact.tracks
         return metric.swing_rad, metric.swing_std_rad
     return pendulum.angle_rad, pendulum.angle_std_rad
+
+
+def swing_arc(measured: ClipMeasurement) -> Arc | None:
+    """Circle on which a bob swings; None for other motions, and where it is a line."""
+    if measured.motion.measured_as is not MotionKind.SWING:
+        return None
+    return fit_arc(measured.tracks.ball.centre_px)
+
+
+def bob_pendulum(measured: ClipMeasurement, ball: BallSetup | None) -> Pendulum:
+    """A bob on a light cord, as long as its circle.
+
+    Raises
+    ------
+    NotFoundError
+        If the path is no arc, or no scale is known.
+    """
+    arc = swing_arc(measured)
+    if arc is None or measured.plane is None:
+        missing = "scale is known" if arc is not None else "arc is seen"
+        raise NotFoundError(
+            f"no {missing}, so the length of the pendulum is unknown",
+            hint="Give --wall-grid, --ball or --scale, or [pendulum] in the setup file.",
+        )
+    ends = measured.plane.point(arc.centre_px + np.array([[0.0, 0.0], [0.0, arc.radius_px]]))
+    length = float(np.hypot(*(ends[1] - ends[0])))
+    mass = 1.0 if ball is None or ball.mass is None else ball.mass
+    radius = 0.0 if ball is None else 0.5 * ball.diameter
+    return Pendulum(length, mass * (length**2 + 0.4 * radius**2), mass, length)
+
+
+def _about(arc: Arc, track: Track) -> tuple[FloatArray, FloatArray, float]:
+    """Angles of a bob about its circle's centre, their std and their common std, rad."""
+    offset = track.centre_px - arc.centre_px
+    angle = np.arctan2(offset[:, 0], offset[:, 1])
+    across = np.column_stack([np.cos(angle), -np.sin(angle)])
+    variance = np.einsum("ni,nij,nj->n", across, track.covariance_px2, across)
+    common = math.sqrt(float(arc.covariance[0, 0])) / arc.radius_px
+    return np.unwrap(angle), np.sqrt(variance) / arc.radius_px, common
 
 
 def _rows(name: str, track: Track, metric: Metric | None) -> "pd.DataFrame":

@@ -461,7 +461,7 @@ def missing_input(inputs: Inputs, name: str, *, landing_stated: bool = False) ->
     if name in (QuantityName.COR_LAUNCH, QuantityName.EXTERNAL_IMPULSE) and (
         inputs.ball is None or inputs.ball.mass is None
     ):
-        return "the mass of the ball is unknown; give --ball jokku or a setup file"
+        return "the mass of the ball is unknown; give it as in --ball '220 mm, 0.35 kg'"
     if name in _LANDING and inputs.fall is None and not landing_stated:
         return (
             "the height of the support is unknown; set [support] height in the setup file,"

@@ -5,6 +5,7 @@ Every key is optional; an unknown key is an error that names the nearest valid o
 
 import difflib
 import math
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
@@ -132,14 +133,22 @@ def meant_name(text: str, names: Iterable[str]) -> str:
     return known[alike[0]] if alike else ""
 
 
+_SIZE_AND_MASS = re.compile(r"(?P<size>.*?),\s*(?P<mass>[^,]*(,\d+)?[^,]*g)\s*")
+"""A comma may also be a decimal one."""
+
+
 def ball_from_option(text: str) -> BallSetup:
-    """Ball of ``--ball``: name of a preset, or a diameter such as ``220mm``.
+    """Ball of ``--ball``: a preset's name or a diameter; ``220 mm, 0.35 kg`` adds the mass.
 
     Raises
     ------
     UsageError
         If it is neither.
     """
+    if both := _SIZE_AND_MASS.fullmatch(text):
+        mass = read_given(both["mass"], measurands.BALL_MASS, "--ball, mass")
+        known = ball_from_option(both["size"].strip())
+        return replace(known, mass=mass.value, mass_std=mass.std)
     preset = meant_name(text, bodies.BALLS)
     if preset in bodies.BALLS and preset.casefold() == text.strip().casefold():
         return BallSetup.preset(preset)
@@ -149,7 +158,8 @@ def ball_from_option(text: str) -> BallSetup:
         meant = f"; did you mean {preset!r}?" if preset else ""
         raise UsageError(
             f"--ball {text!r} is neither a preset nor a diameter{meant}",
-            hint=f"Presets: {', '.join(bodies.BALLS)}; or a diameter such as '220 mm'.",
+            hint=f"Presets: {', '.join(bodies.BALLS)}; or a diameter such as '220 mm', with the"
+            " mass as in '220 mm, 0.35 kg'.",
         ) from problem
     return BallSetup(text, diameter.value, diameter_std=diameter.std)
 

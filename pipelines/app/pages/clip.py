@@ -26,7 +26,7 @@ POLL_S = 0.2
 
 _INPUTS = (
     ("fps", "fps", "600 fps"),
-    ("ball", "ball_input", "220 mm"),
+    ("ball", "ball_input", "220 mm, 0.35 kg"),
     ("wall_grid", "wall_grid", "50 mm"),
     ("scale", "scale", "2.44 mm/px"),
     ("setup", "setup_input", "setup.toml"),

@@ -1,6 +1,6 @@
 """Page Why: whether the model explains the clip, and which physics is missing."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from nicegui import ui
 
@@ -10,11 +10,14 @@ from pipelines.app.corrections import ClipInputs, Corrections, options_of
 from pipelines.app.pages.clip import copy_card, job_status
 from pipelines.app.session import ClipSession
 from pipelines.app.words import Say
-from pipelines.setup.file import ball_from_option
 from pipelines.terminal import as_typed
 from pipelines.web import Jobs
+from vision.tracks import MotionKind
 
 __all__ = ["ClipExplained", "WhyPage", "command_of", "explained"]
+
+_STRUCK = (MotionKind.STRIKE, MotionKind.COLLISION)
+"""Motions that the model of the set-up has; of others it has gravity alone."""
 
 POLL_S = 0.3
 """s between updates (chosen: appears immediate)."""
@@ -55,10 +58,7 @@ def explained(clip: ClipSession) -> ClipExplained:
     """
     assert clip.measured is not None
     options = options_of(clip.path, clip.corrections, corrected=False)
-    setup = options.setup
-    if options.ball is not None and setup.ball is None:
-        setup = replace(setup, ball=ball_from_option(options.ball))
-    return ClipExplained.of(Measurement(clip.measured, setup).explain())
+    return ClipExplained.of(Measurement(clip.measured, options.known).explain())
 
 
 def command_of(clip: ClipSession) -> str:
@@ -92,7 +92,8 @@ class WhyPage:
             with ui.column().classes("va-card"):
                 with ui.element("h1"):
                     ui.label(say("why_of", name=clip.path.name))
-                ui.label(say("why_note")).classes("va-small")
+                struck = clip.measured is None or clip.measured.motion.measured_as in _STRUCK
+                ui.label(say("why_note" if struck else "why_alone")).classes("va-small")
                 if clip.measured is None:
                     ui.label(say("nothing_to_export")).props("data-test=empty")
                     return

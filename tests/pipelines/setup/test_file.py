@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from metrology import SetupError
-from pipelines.setup.file import load_setup, read_setup
+from metrology import SetupError, UsageError
+from pipelines.setup.file import ball_from_option, load_setup, read_setup
 
 WHOLE = """
 [camera]
@@ -202,3 +202,24 @@ def test_an_incomplete_ball_says_what_is_missing() -> None:
     assert ball is not None
     with pytest.raises(SetupError, match="no launch_angle and no cor"):
         ball.body()
+
+
+@pytest.mark.parametrize(
+    ("text", "diameter", "mass"),
+    [
+        ("220 mm, 0.35 kg", 0.22, 0.35),
+        ("0,22 m,0,35 kg", 0.22, 0.35),
+        ("0,22 m", 0.22, None),
+        ("jokku, 400 g", 0.20175, 0.4),
+    ],
+)
+def test_a_ball_is_a_size_with_or_without_mass(
+    text: str, diameter: float, mass: float | None
+) -> None:
+    ball = ball_from_option(text)
+    assert (ball.diameter, ball.mass) == (pytest.approx(diameter), pytest.approx(mass))
+
+
+def test_a_wrong_mass_is_refused() -> None:
+    with pytest.raises(UsageError, match="mass"):
+        ball_from_option("220 mm, 350 kg")
