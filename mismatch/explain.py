@@ -168,7 +168,7 @@ def explain_in_full(
     prepared, naming = _searched(prepared, effects, chosen.most_effects)
     held = _held_mask(campaign, chosen.hold_out)
     answers = _tested_answers(prepared, naming, held)
-    tested = max(answers, key=lambda one: one.probability)
+    tested = _preferred(answers)
     weighed = (answer for answer in answers if answer.passed.is_weighed)
     considered = tuple(one for answer in weighed for one in answer.evidence)
     naming = tested.naming
@@ -467,6 +467,15 @@ class _Tested:
         return min(self.probabilities, default=0.0) if self.passed.names else 0.0
 
     @property
+    def is_enough(self) -> bool:
+        """Whether it is more probable than not and leaves no more than noise.
+
+        What leaves more does not take its place: the data refute it, or its form.
+        """
+        best = self.naming.best
+        return best is not None and best.reduced_chi2 < POOR_FIT and self.probability >= 0.5
+
+    @property
     def is_settled(self) -> bool:
         """Whether it is more probable than not, each further name with a proof by prediction.
 
@@ -523,6 +532,11 @@ def _tested_answers(
     found = {id(one): one for one in others if one is not None}
     more = (replace(naming, best=one) for one in found.values())
     return first, *(_tested(prepared, one, held, known) for one in more)
+
+
+def _preferred(answers: Sequence[_Tested]) -> _Tested:
+    """The most probable answer that is enough, or of all where none is."""
+    return max(answers, key=lambda one: (one.is_enough, one.probability))
 
 
 def _verdict(campaign: CampaignRecords, prepared: Prepared, tested: _Tested) -> EngineVerdict:

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from bench.real.made import SwingRig, write_swings
 from mismatch import explain
 from mismatch.acceptance import (
     FORM_ERROR,
@@ -19,7 +20,7 @@ from mismatch.acceptance import (
     other_sizes,
 )
 from mismatch.candidates import Candidate
-from mismatch.explain import _groups, _Tested, explain_in_full
+from mismatch.explain import _groups, _preferred, _Tested, _tested_answers, explain_in_full
 from mismatch.fitting.fit import Fit, free_parameters
 from mismatch.fitting.hypotheses import EXACT, FormEvidence, Hypothesis
 from mismatch.fitting.prepare import prepare
@@ -27,9 +28,11 @@ from mismatch.fitting.stated import stated_inputs
 from mismatch.forward import ForwardModel
 from mismatch.records import BallModel, Baseline, CampaignRecords, Trial
 from mismatch.sanity import DroppedInEach
-from mismatch.search.naming import Naming
+from mismatch.search.naming import Naming, name_effects
 from mismatch.verdict import DOUBTED, Doubt, Passed, Prediction, _at_bound, _own_like_noise
 from physics.effects import CATALOGUE
+from pipelines.explain.campaign import baseline_from_setup, load_campaign
+from pipelines.setup.file import load_setup
 from tests.mismatch.synthetic import struck_campaign, thrown_campaign
 
 SURE = NameEvidence("drag", (), 400.0, 60.0, 60.0, 0.7, (0.6, 0.8), 80.0, 0.0, -5.0, 0, 0)
@@ -276,6 +279,21 @@ def test_a_second_name_that_predicts_nothing_leaves_the_answer_open():
     assert tested(replace(SURE, fellows=1), second).is_settled
     assert not tested(replace(SURE, fellows=1), chance).is_settled
     assert tested(replace(SURE, predicted_95=(-0.03, 0.06))).is_settled
+
+
+def test_one_law_that_leaves_a_misfit_does_not_replace_the_pair_that_leaves_none(tmp_path):
+    """A swing of two minutes with dry and linear losses was reported as bearing_friction 0.87."""
+    rig = SwingRig(0.94, 0.94, 0.02, 0.01, 0.0, 0.0, 3e-4, 1e-5, 50.0, 40.0, (0.86,))
+    write_swings(rig, tmp_path)
+    setup = load_setup(tmp_path / "setup.toml")
+    campaign = load_campaign(None, tmp_path / "pendulum.csv", setup)
+    prepared = prepare(campaign, baseline_from_setup(setup, campaign))
+    laws = [CATALOGUE[name][0] for name in ("bearing_friction", "viscous_damping")]
+    naming = name_effects(prepared.forward, prepared.fit, laws, unnamed=False)
+    answers = _tested_answers(prepared, naming, None)
+    one = next(a for a in answers if len(a.probabilities) == 1)
+    assert one.probability > max(a.probability for a in answers if a is not one)
+    assert set(_preferred(answers).naming.best.ids) == {"bearing_friction", "viscous_damping"}
 
 
 def test_one_law_that_averages_two_is_tested_against_the_pair():
