@@ -185,7 +185,7 @@ class Quantity:
         return self.value is not None
 
 
-_UNITS = {"1": "", "deg": "°", "m/s^2": "m/s²", "kg m^2": "kg m²", "N s": "N s"}
+_UNITS = {"1": "", "deg": "°"}
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -258,4 +258,4 @@ def format_pair(value: float, std: float | None) -> tuple[str, str | None]:
 
 def format_unit(unit: str) -> str:
     """Format a unit for readers: nothing for 1, ° for deg, m/s² for m/s^2."""
-    return _UNITS.get(unit, unit)
+    return _UNITS.get(unit, unit.replace("^2", "²"))

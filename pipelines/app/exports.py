@@ -16,10 +16,15 @@ from pipelines.measure.files import (
 )
 from pipelines.measure.inputs import main_quantities
 from pipelines.measure.measurement import QUANTITY_UNITS, ClipMeasurement
-from pipelines.report.page import report_html
+from pipelines.report.inputs import ReportInput
+from pipelines.report.page import report_html, write_report
 from vision.clip.clip import ClipReader
 
 __all__ = ["EXPORTS", "Export", "sheet_html", "written"]
+
+
+Word = Callable[[str], str]
+Writer = Callable[[Path, ClipMeasurement, str, Word], None]
 
 
 @dataclass(frozen=True)
@@ -32,22 +37,23 @@ class Export:
     ending : str
         Added to the clip's name.
     write : callable
-        Takes the file's path, the measurement and the Python text that repeats it.
+        Takes the file's path, the measurement, the Python text that repeats it, and the function
+        that words messages as the page does.
     """
 
     key: str
     ending: str
-    write: Callable[[Path, ClipMeasurement, str], None]
+    write: "Writer"
 
     def path_for(self, clip: Path) -> Path:
         """File next to the clip."""
         return clip.with_name(f"{clip.name}{self.ending}")
 
 
-def _by(option: str) -> Callable[[Path, ClipMeasurement, str], None]:
+def _by(option: str) -> Writer:
     """Writer of an option of `vision measure`."""
 
-    def write(path: Path, measured: ClipMeasurement, python: str) -> None:
+    def write(path: Path, measured: ClipMeasurement, python: str, word: Word) -> None:
         value: Any = str(path) if option == "json" else path
         wanted = WantedFiles(**{option: value})
         wanted.write(measured, measured.info.path, tuple(QUANTITY_UNITS))
@@ -55,7 +61,7 @@ def _by(option: str) -> Callable[[Path, ClipMeasurement, str], None]:
     return write
 
 
-def _write_workbook(path: Path, measured: ClipMeasurement, python: str) -> None:
+def _write_workbook(path: Path, measured: ClipMeasurement, python: str, word: Word) -> None:
     """Clip and main quantities, at most thirteen columns; all columns on a second sheet."""
     import pandas as pd
 
@@ -72,7 +78,11 @@ def _write_workbook(path: Path, measured: ClipMeasurement, python: str) -> None:
         table.to_excel(book, index=False, sheet_name="all columns")
 
 
-def _write_notebook(path: Path, measured: ClipMeasurement, python: str) -> None:
+def _write_report(path: Path, measured: ClipMeasurement, python: str, word: Word) -> None:
+    write_report(path, _shown(measured, word))
+
+
+def _write_notebook(path: Path, measured: ClipMeasurement, python: str, word: Word) -> None:
     """A notebook that repeats the measurement and plots it."""
 
     def cell(number: int, text: str) -> dict[str, Any]:
@@ -86,7 +96,7 @@ def _write_notebook(path: Path, measured: ClipMeasurement, python: str) -> None:
 
 
 EXPORTS = (
-    Export("report", ".report.html", _by("report")),
+    Export("report", ".report.html", _write_report),
     Export("workbook", ".xlsx", _write_workbook),
     Export("csv", ".results.csv", _by("csv")),
     Export("json", ".json", _by("json")),
@@ -99,8 +109,12 @@ EXPORTS = (
 """Kinds of files, in the order of the page."""
 
 
-def written(export: Export, clip: Path, measured: ClipMeasurement, python: str) -> Path:
+def written(
+    export: Export, clip: Path, measured: ClipMeasurement, python: str, word: Word = str
+) -> Path:
     """Write one file next to the clip; return its path.
+
+    `python` repeats the measurement, `word` words its messages as the page does.
 
     Raises
     ------
@@ -108,11 +122,18 @@ def written(export: Export, clip: Path, measured: ClipMeasurement, python: str) 
         If it can't be written.
     """
     path = export.path_for(clip)
-    export.write(path, measured, python)
+    export.write(path, measured, python, word)
     return path
 
 
-def sheet_html(measured: ClipMeasurement, command: str, label: Callable[[str], str]) -> str:
+def _shown(measured: ClipMeasurement, word: Word) -> ReportInput:
+    clip = ClipReader.open(measured.info.path, every=measured.info.every, least_frames=1)
+    return report_input(measured, clip).worded(word)
+
+
+def sheet_html(
+    measured: ClipMeasurement, command: str, label: Callable[[str], str], word: Word = str
+) -> str:
     """One A4 page: main numbers, the frame at contact, graphs, messages.
 
     Parameters
@@ -122,6 +143,7 @@ def sheet_html(measured: ClipMeasurement, command: str, label: Callable[[str], s
         That repeats it.
     label : callable
         Label of a quantity.
+    word : callable
+        Words messages as the page does.
     """
-    clip = ClipReader.open(measured.info.path, every=measured.info.every, least_frames=1)
-    return report_html(report_input(measured, clip), command=command, label=label)
+    return report_html(_shown(measured, word), command=command, label=label)

@@ -1,6 +1,7 @@
 """All texts of the page in one catalogue: English, and German as second language."""
 
 import os
+import re
 from collections.abc import Callable
 
 from pipelines.api.wording import in_fields
@@ -433,7 +434,7 @@ def says(language: str) -> Say:
 
 def label_of(name: str, language: str) -> str:
     """Label of a quantity."""
-    own = _LABELS.get(name) if language == "de" else None
+    own = _LABELS.get(name.removesuffix("_px")) if language == "de" else None
     return own or quantity_label(name)
 
 
@@ -455,9 +456,14 @@ _PLACES = {
 """Keys of the fields and buttons that are options of `vision measure`."""
 
 
+_POINT = re.compile(r"” -?\d+(?:\.\d+)?,-?\d+(?:\.\d+)?(?:,(\d+))?")
+"""A button with the pixel at which a command would point."""
+
+
 def on_page(message: str, say: Say) -> str:
     """A message as a sentence, with fields and buttons in place of options."""
     placed = in_fields(message, {option: say(key) for option, key in _PLACES.items()})
+    placed = _POINT.sub(lambda found: f"” ({say('frame')} {found[1]})" if found[1] else "”", placed)
     return placed[:1].upper() + placed[1:]
 
 

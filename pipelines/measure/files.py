@@ -16,7 +16,7 @@ from metrology import Quantity, UsageError, write_each, write_text_whole
 from metrology.files import printable
 from pipelines.measure.impact import Impact, gap_after, gap_before
 from pipelines.measure.inputs import QuantityName, kinds_of, main_quantities
-from pipelines.measure.measurement import ClipMeasurement, alternative_kinds
+from pipelines.measure.measurement import BALL, ClipMeasurement, alternative_kinds, in_metres
 from pipelines.measure.metres import arm_along_bar
 from pipelines.measure.results import MAX_LANDING_GAP_S
 from pipelines.report import (
@@ -31,7 +31,7 @@ from pipelines.report.inputs import quantity_label, quantity_rows, quantity_text
 from vision.clip.clip import ClipReader
 from vision.overlay import OverlayMarks, overlay_still, png_bytes
 from vision.stages import candidate_table, detect, detection_table, interpret, link
-from vision.tracks import FollowedObject, Motion, Tracks
+from vision.tracks import FollowedObject, Motion, MotionKind, Tracks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -459,12 +459,31 @@ def report_input(measured: ClipMeasurement, clip: ClipReader | None) -> ReportIn
         frame = None if marks.contact is None else marks.contact[0]
         still = overlay_still(clip, measured.tracks, marks, frame=frame)
         base = replace(base, still_png=png_bytes(still))
-    if impact is None or (
-        measured.calibration is None and measured.quantity("ball_speed").value is None
-    ):
+    if measured.plane is None:
         return base
+    if impact is None:
+        return _of_track(base, measured)
     gap, path = _gap(measured, impact), _path(measured, impact)
     return replace(base, gap=gap, speeds=_speeds(impact), path=path)
+
+
+def _of_track(base: ReportInput, measured: ClipMeasurement) -> ReportInput:
+    """The report with path and speeds of what moves without a strike."""
+    tracks = measured.tracks
+    moving = {BALL: tracks.ball}
+    if measured.motion.measured_as is MotionKind.COLLISION:
+        moving |= {f"{BALL}_{k}": one.track for k, one in enumerate(tracks.others, start=2)}
+    found = {name: in_metres(measured, name, track) for name, track in moving.items()}
+    speeds = tuple(
+        _frame_speed(name, moving[name].time_s, *metric)
+        for name, metric in found.items()
+        if metric is not None and len(moving[name]) > 1
+    )
+    metric = found[BALL]
+    if metric is None:
+        return base
+    place, std = metric[0], np.sqrt(np.diagonal(metric[1], axis1=1, axis2=2))
+    return replace(base, speeds=speeds, path=PathRecord(tracks.ball.time_s, *place.T, *std.T))
 
 
 def _seen(tracks: Tracks) -> tuple[tuple[str, str], ...]:

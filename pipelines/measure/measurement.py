@@ -34,6 +34,7 @@ __all__ = [
     "ClipMeasurement",
     "alternative_kinds",
     "bob_pendulum",
+    "in_metres",
     "motion_warning",
     "on_axes",
     "steady_px",
@@ -199,7 +200,7 @@ def tracks_as_frame(measured: ClipMeasurement) -> "pd.DataFrame":
 
     parts = []
     for name, track in _objects(measured).items():
-        part = _rows(name, track, _in_metres(measured, name, track))
+        part = _rows(name, track, in_metres(measured, name, track))
         if name == PENDULUM:
             part["phi_rad"], part["phi_rad_std"] = _angles(measured)
             assert measured.tracks.pendulum is not None
@@ -247,7 +248,7 @@ def track_covariance(measured: ClipMeasurement, name: str, *, metres: bool = Tru
         )
     if not metres:
         return objects[name].covariance_px2
-    metric = _in_metres(measured, name, objects[name])
+    metric = in_metres(measured, name, objects[name])
     if metric is None:
         raise NotFoundError(
             f"no scale is known for {name}", hint="For its covariance in px² pass metres=False."
@@ -263,7 +264,7 @@ def _objects(measured: ClipMeasurement) -> dict[str, Track]:
     return named | {f"ball_{k}": other.track for k, other in enumerate(tracks.others, start=2)}
 
 
-def _in_metres(measured: ClipMeasurement, name: str, track: Track) -> Metric | None:
+def in_metres(measured: ClipMeasurement, name: str, track: Track) -> Metric | None:
     """Positions and covariances, by the camera, the ball's size or the given scale."""
     mapping = measured.plane
     if mapping is None:

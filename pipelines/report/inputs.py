@@ -4,9 +4,10 @@ Positions and times are SI: x from the ball's centre at rest, y up from the floo
 first frame.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -223,6 +224,21 @@ class ReportInput:
     defaults: tuple[str, ...] = ()
     seen: tuple[tuple[str, str], ...] = ()
 
+    def worded(self, word: Callable[[str], str]) -> Self:
+        """The same with other words in its messages."""
+        said = [
+            one if one.reason is None else replace(one, reason=word(one.reason))
+            for one in self.quantities
+        ]
+        return replace(
+            self,
+            quantities=tuple(said),
+            checks=tuple(replace(one, statement=word(one.statement)) for one in self.checks),
+            warnings=tuple(map(word, self.warnings)),
+            defaults=tuple(map(word, self.defaults)),
+            seen=tuple((name, word(evidence)) for name, evidence in self.seen),
+        )
+
 
 COUNTS = frozenset({"contact_frames"})
 """Quantities that are whole numbers."""
@@ -266,7 +282,8 @@ _LABELS = {
 
 def quantity_label(name: str) -> str:
     """Label of a quantity; without one, its name in words."""
-    return _LABELS.get(name, name.replace("_", " "))
+    own = name.removesuffix("_px")
+    return _LABELS.get(own, own.replace("_", " "))
 
 
 def quantity_text(quantity: Quantity) -> str:

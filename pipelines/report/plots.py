@@ -263,7 +263,7 @@ def _draw_path(axes: Axes, path: PathRecord) -> None:
         )  # fmt: skip
     axes.axhline(0.0, color=GRAY, lw=0.8)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set(xlabel="x from the ball's rest / m", ylabel="height of the centre / m")
+    axes.set(xlabel="x / m", ylabel="y / m")
 
 
 def _draw_residuals(axes: Axes, path: PathRecord) -> None:

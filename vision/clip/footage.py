@@ -862,8 +862,8 @@ def choose_capture_rate(
         ASSUMED_FPS,
         math.inf,
         RateSource.ASSUMED,
-        f"FRAME RATE ASSUMED: {info.path.name} declares {said} and not the camera's rate; "
-        f"{ASSUMED_FPS:g} fps is assumed. Times and speeds are given only if a free fall with a "
+        f"The camera's frame rate is not known: {info.path.name} declares {said}. "
+        f"{ASSUMED_FPS:g} fps are assumed. Times and speeds are given only if a free fall with a "
         "known scale determines the rate. Pass --fps RATE, or set capture_fps in the setup file.",
     )
 

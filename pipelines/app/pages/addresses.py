@@ -10,7 +10,7 @@ from fastapi.responses import HTMLResponse, JSONResponse
 from metrology import ImpactVisionError
 from pipelines.app.exports import sheet_html
 from pipelines.app.session import AppSession
-from pipelines.app.words import label_of
+from pipelines.app.words import label_of, on_page, says
 
 __all__ = ["app_of"]
 
@@ -73,10 +73,11 @@ def _of_clip(app: FastAPI, session: AppSession) -> None:
         if clip is None or clip.measured is None:
             raise HTTPException(404)
         label = partial(label_of, language=session.language)
+        word = partial(on_page, say=says(session.language))
         try:
-            text = sheet_html(clip.measured, clip.as_command(), label)
+            text = sheet_html(clip.measured, clip.as_command(), label, word)
         except ImpactVisionError as problem:
-            text = f"<!doctype html><p>{escape(problem.in_one_line)}</p>"
+            text = f"<!doctype html><p>{escape(word(problem.in_one_line))}</p>"
         return HTMLResponse(text, headers=_FRESH)
 
 

@@ -47,8 +47,8 @@ _POINTED = (
 )
 """What can be pointed at, and the keys of the buttons."""
 
-_ARM_OF_AXES = 0.25
-"""Length of the drawn x axis relative to the shorter side of the frame (chosen)."""
+_AXES = {"axes_x": 0.0, "axes_y": 90.0}
+"""Ends of axes, and their directions from the x axis, degrees."""
 
 _ENDS = ("end0", "end1")
 _OBJECTS = ("ball", "mass")
@@ -323,33 +323,34 @@ class ClipPage:
         elif placed.kind in FIXED_POINTS:
             at: dict[str, Any] = {placed.kind: (placed.x, placed.y)}
             self.clip.change(replace(self.clip.corrections, **at))
-        elif placed.kind in ("axes", "axes_x"):
+        elif placed.kind in ("axes", *_AXES):
             self._place_axes(placed)
         elif placed.kind in _OBJECTS:
             moved = not placed.pointed
             self.clip.mark(placed.kind, placed.frame, placed.x, placed.y, moved=moved)
 
     def _place_axes(self, placed: PlacedAt) -> None:
-        """Move the origin, or turn the axes so that x is on the place."""
+        """Move the origin, or turn the axes so that one of them points to the place."""
         now = self.clip.corrections
         axes = now.axes or Axes(placed.x, placed.y)
         if placed.kind == "axes":
             axes = replace(axes, x_px=placed.x, y_px=placed.y)
         else:
             x, y = placed.x - axes.x_px, axes.y_px - placed.y
-            side = -1.0 if self._end_of_axes(axes)[2] == "−x" else 1.0
-            axes = replace(axes, turn_deg=round(math.degrees(math.atan2(side * y, side * x)), 2))
+            side = -1.0 if self._end_of_axis(axes, placed.kind)[2].startswith("−") else 1.0
+            turn = math.degrees(math.atan2(side * y, side * x)) - _AXES[placed.kind]
+            axes = replace(axes, turn_deg=round((turn + 180.0) % 360.0 - 180.0, 2))
         self.clip.change(replace(now, axes=axes))
 
-    def _end_of_axes(self, axes: Axes) -> tuple[float, float, str]:
-        """A point of the x axis within the frame, and its label."""
+    def _end_of_axis(self, axes: Axes, kind: str) -> tuple[float, float, str]:
+        """A point of an axis within the frame, and its label."""
         info = self.clip.frames.info
         assert info is not None
-        arm, turn = _ARM_OF_AXES * min(info.width, info.height), math.radians(axes.turn_deg)
-        x, y = arm * math.cos(turn), -arm * math.sin(turn)
+        arm, turn = 0.25 * min(info.width, info.height), axes.turn_deg + _AXES[kind]
+        x, y = arm * math.cos(math.radians(turn)), -arm * math.sin(math.radians(turn))
         if 0.0 <= axes.x_px + x < info.width and 0.0 <= axes.y_px + y < info.height:
-            return axes.x_px + x, axes.y_px + y, "x"
-        return axes.x_px - x, axes.y_px - y, "−x"
+            return axes.x_px + x, axes.y_px + y, kind[-1]
+        return axes.x_px - x, axes.y_px - y, f"−{kind[-1]}"
 
     def _axes_points(self) -> list[FramePoint]:
         axes = self.clip.corrections.axes
@@ -357,7 +358,7 @@ class ClipPage:
             return []
         return [
             FramePoint("axes", axes.x_px, axes.y_px, "0"),
-            FramePoint("axes_x", *self._end_of_axes(axes), join="axes"),
+            *(FramePoint(kind, *self._end_of_axis(axes, kind), join="axes") for kind in _AXES),
         ]
 
     def _place_end(self, placed: PlacedAt) -> None:

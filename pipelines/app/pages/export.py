@@ -8,7 +8,7 @@ from nicegui import ui
 from pipelines.app.exports import EXPORTS, Export, written
 from pipelines.app.pages.clip import job_status
 from pipelines.app.session import ClipSession
-from pipelines.app.words import Say
+from pipelines.app.words import Say, on_page
 from pipelines.web import Jobs
 
 __all__ = ["ExportPage"]
@@ -70,10 +70,10 @@ class ExportPage:
         clip, measured = self.clip, self.clip.measured
         if measured is None:
             return
-        python = clip.as_python()
+        python, word = clip.as_python(), partial(on_page, say=self.say)
 
         def work() -> None:
-            path: Path = written(export, clip.path, measured, python)
+            path: Path = written(export, clip.path, measured, python, word)
             clip.written = (*(one for one in clip.written if one != path), path)
 
         self.jobs.submit(self.say("writing", name=export.path_for(clip.path).name), work)

@@ -2,6 +2,8 @@
 
 import json
 import re
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import openpyxl
@@ -9,7 +11,10 @@ import pandas as pd
 import pytest
 
 from metrology import UsageError
+from pipelines.api.quantities import measure_options
 from pipelines.app.exports import EXPORTS, sheet_html, written
+from pipelines.app.words import on_page, says
+from pipelines.measure.chain import measure_clip
 from pipelines.report.inputs import quantity_label
 from tests.pipelines.app.small import strike
 from vision.clip.clip import ClipReader
@@ -65,3 +70,18 @@ def test_the_sheet_has_the_main_numbers_and_requests_nothing() -> None:
     assert "<b>.mp4" not in text
     assert text.count("<img") == 3
     assert not re.search(r"(src|href)=\"(?!data:)", text)
+
+
+def test_a_throw_has_graphs_and_the_page_names_its_fields(tmp_path: Path) -> None:
+    path = strike().info.path.parents[2] / "docs" / "lessons" / "throw.mp4"
+    options = measure_options(ball="0.2 m", cache=True)
+    measured = measure_clip(path, options)
+    plain = sheet_html(measured, "vision measure throw.mp4", quantity_label)
+    assert "--fps" in plain
+    shown = sheet_html(measured, "", quantity_label, partial(on_page, say=says("en")))
+    assert "Capture rate" in shown
+    assert not re.search(r"--(fps|ball|wall-grid|scale|ball-at)\b", shown)
+    with_scale = measure_clip(path, replace(options, fps=240.0))
+    shown = sheet_html(with_scale, "", quantity_label)
+    assert "Path of the ball" in shown
+    assert "Speeds" in shown

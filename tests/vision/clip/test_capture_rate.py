@@ -31,7 +31,7 @@ def test_assumption_is_loud(info):
     assert (rate.fps, rate.source) == (600.0, "assumed")
     # nothing is known of it: no seconds, no speeds
     assert not rate.known
-    assert "ASSUMED" in rate.notice
+    assert "assumed" in rate.notice
     assert "--fps" in rate.notice
     assert "30 frames per second" in rate.notice
 
