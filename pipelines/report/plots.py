@@ -146,7 +146,7 @@ def _required(report: ReportInput) -> tuple[Panel, ...]:
     panels = panels_of(report)
     if not panels:
         raise UsageError(
-            "there is nothing to plot: curves need a strike measured in metres",
+            "there is nothing to plot: curves need positions in metres",
             hint="Omit --plot and use --report or --overlay. For curves give a scale, or point at "
             "the ball with --ball-at X,Y.",
         )

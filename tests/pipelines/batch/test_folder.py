@@ -12,6 +12,7 @@ from pipelines.cli import app
 from pipelines.measure.chain import MeasureOptions
 from pipelines.measure.commands import Done, Folder, Job, files_of, measure_all
 from pipelines.measure.files import WantedFiles
+from tests.pipelines.app.small import falling
 
 
 def rows(out: Path) -> list[dict[str, str]]:
@@ -102,10 +103,10 @@ def test_what_cannot_be_read_is_told_and_ends_with_its_code(
 
 @pytest.mark.slow
 def test_a_plot_without_curves_does_not_lose_the_clips_row(tmp_path: Path) -> None:
-    clip = Path(__file__).parents[3] / "docs" / "lessons" / "drop.mp4"
+    clip = falling(tmp_path / "drop")
     out = tmp_path / "out"
     words = ["measure", str(clip), "--out", str(out), "--plot", "p.png", "--report", "r.html"]
-    result = CliRunner().invoke(app, [*words, "--fps", "240", "--ball", "100mm", "-j", "1"])
+    result = CliRunner().invoke(app, [*words, "--fps", "240", "-j", "1"])
     assert result.exit_code == 0, result.output
     assert "nothing to plot" in result.output
     assert [row["motion"] for row in rows(out)] == ["drop"]

@@ -306,7 +306,7 @@ def test_both_ways_to_a_budget_agree(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 def test_what_has_no_curves_is_told_and_written_all_the_same(tmp_path: Path) -> None:
     clip = shared_folder("clips") / "puck_collision_A_canon240.mp4"
-    arguments = ["measure", str(clip), "--fps", "240", "--ball", "50mm"]
+    arguments = ["measure", str(clip), "--fps", "240"]
     arguments += ["--plot", str(tmp_path / "p.png"), "--json", str(tmp_path / "r.json")]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 2
@@ -314,3 +314,7 @@ def test_what_has_no_curves_is_told_and_written_all_the_same(tmp_path: Path) -> 
     assert "COR along the line of centres" in result.output
     assert (tmp_path / "r.json").exists()
     assert not (tmp_path / "p.png").exists()
+    # with a scale there are curves
+    result = CliRunner().invoke(app, [*arguments, "--ball", "50mm"])
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "p.png").exists()
