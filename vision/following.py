@@ -438,8 +438,8 @@ def _one_scene(clip: "ClipReader", at: Point | None, kept: KeptResults) -> _Reco
         chosen = next((part for part in footage.parts if part[0] <= frame < part[1]), chosen)
     cuts = ", ".join(f"{part[0] - 1} and {part[0]}" for part in footage.parts[1:])
     said = (
-        f"The clip is cut between frames {cuts}: another scene follows. Only frames {chosen[0]} to "
-        f"{chosen[1] - 1} are measured; cut the others out and measure them by themselves, or "
+        f"The clip is cut between frames {cuts}: another scene or a fade. Only frames"
+        f" {chosen[0]} to {chosen[1] - 1} are measured; cut the others out and measure them, or "
         "point into one with --ball-at X,Y,FRAME."
     )
     part = kept.once("part", (id(clip), chosen), lambda: Footage(clip, part=chosen))

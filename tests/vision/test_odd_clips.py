@@ -86,6 +86,19 @@ def test_a_clip_that_is_cut_is_measured_in_one_part_and_told() -> None:
     assert np.median(off) < 0.3
 
 
+def test_blank_and_faded_ends_of_an_edited_clip_are_left_out() -> None:
+    scene = wall(120, 240)
+    places = [(40.0 + 4.0 * k, 70.0 - 2.2 * k + 0.05 * k**2) for k in range(36)]
+    shown = [exposed(with_ball(scene, place, 10.0), 1.5, seed) for seed, place in enumerate(places)]
+    title = [np.full((120, 240), 30, np.uint8)] * 40
+    fade = [(shown[-1] * (1.0 - k / 12.0)).astype(np.uint8) for k in range(1, 13)]
+    tracks = follow(PaintedClip([*title, *shown, *fade]), 30.0)  # type: ignore[arg-type]
+    assert any("cut between frames 39 and 40" in said for said in tracks.warnings)
+    off = np.hypot(*(tracks.ball.centre_px - np.array(places)[tracks.ball.frame - 40]).T)
+    assert len(off) > 30
+    assert np.median(off) < 0.3
+
+
 def test_a_second_ball_and_a_shadow_are_told_by_what_they_are() -> None:
     scene = wall(120, 240)
     y, x = np.mgrid[0:120, 0:240].astype(float)

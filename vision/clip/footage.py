@@ -170,18 +170,19 @@ _MAX_OTHER_SCENE_CORRELATION, _MIN_SAME_SCENE_CORRELATION, _MIN_SCENE_FRAMES = 0
 """Correlation below which two pictures show different scenes, above which the same, whatever the
 camera's shift; and frames that a new scene must last (chosen)."""
 
+_MAX_FADED_CONTRAST, _MIN_FADED_CHANGE, _MAX_SETTLED_CHANGE = 0.5, 0.3, 0.1
+"""Contrast of a faded or blank picture over the usual, at most; relative change of its light, at
+least; and that of a picture after the fade, at most (chosen: exposure varies less, and what moves
+changes the contrast but not the light)."""
+
 
 class SceneCuts:
-    """Detect scene cuts from frames given in order.
-
-    Attributes
-    ----------
-    first : list of int
-        First frames of the scenes after the first one.
-    """
+    """Detect scene cuts, and blank or faded ends, from frames given in order."""
 
     def __init__(self) -> None:
-        self.first: list[int] = []
+        self._found: list[int] = []
+        self._light: list[float] = []
+        self._contrast: list[float] = []
         self._steady: FloatImage | None = None
         self._other: list[FloatImage] = []
         self._count = 0
@@ -189,6 +190,8 @@ class SceneCuts:
     def add(self, cells: FloatImage) -> None:
         """Add the cells (h, w) of the next frame."""
         structure = _structure(cells)
+        self._light.append(float(cells.mean()))
+        self._contrast.append(float(cells.std()))
         self._count += 1
         if (
             self._steady is None
@@ -204,8 +207,27 @@ class SceneCuts:
             self._other = []
         self._other.append(structure)
         if len(self._other) == _MIN_SCENE_FRAMES:
-            self.first.append(self._count - _MIN_SCENE_FRAMES)
+            self._found.append(self._count - _MIN_SCENE_FRAMES)
             self._steady, self._other = structure, []
+
+    @property
+    def first(self) -> list[int]:
+        """First frames of the scenes after the first one."""
+        return sorted({*self._found, *self._fades()})
+
+    def _fades(self) -> list[int]:
+        """Ends of a blank or faded beginning and begins of such an end."""
+        light, contrast = np.array(self._light), np.array(self._contrast)
+        flat = contrast < _MAX_FADED_CONTRAST * np.quantile(contrast, 0.9)
+        usual = max(float(np.median(light[~flat])), 1e-9) if not flat.all() else 1.0
+        change = np.abs(light / usual - 1.0)
+        faded = flat & (change > _MIN_FADED_CHANGE)
+        settled = np.flatnonzero(change < _MAX_SETTLED_CHANGE)
+        if not len(settled):
+            return []
+        ends = [int(settled[0])] if faded[0] else []
+        ends += [int(settled[-1]) + 1] if faded[-1] else []
+        return [one for one in ends if _MIN_SCENE_FRAMES <= one <= len(light) - _MIN_SCENE_FRAMES]
 
 
 def _structure(cells: FloatImage) -> FloatImage:
