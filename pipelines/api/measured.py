@@ -204,14 +204,25 @@ class Measurement:
         """
         from pipelines.api.explained import Verdict, explain
         from pipelines.explain.campaign import explain_campaign
-        from pipelines.explain.clips import campaign_of_flight
+        from pipelines.explain.clips import (
+            campaign_from_clips,
+            campaign_of_flight,
+            has_rig,
+            with_rig,
+        )
 
         record = replace(self.record, axes=None)
         tracks, kind = tracks_as_frame(record), record.motion.measured_as
         known = self._setup if setup is None else setup_from(setup)
-        if kind is MotionKind.STRIKE or record.tracks.pendulum is not None:
-            swings = None if record.tracks.pendulum is None else tracks
-            return explain(balls=tracks, pendulum=swings, setup=known, **options)
+        if kind is MotionKind.STRIKE:
+            # as `vision explain CLIP`: with what the clip's own calibration leaves open
+            rig, path = with_rig(known), record.info.path
+            struck = campaign_from_clips(
+                [path], rig, measure=lambda *_: record, strikes=has_rig(known)
+            )
+            return Verdict(explain_campaign(struck, rig, **options))
+        if record.tracks.pendulum is not None:
+            return explain(pendulum=tracks, setup=known, **options)
         if known.model == ModelSetup():
             known = replace(known, model=ModelSetup(effects=("gravity",)))
         if kind is not MotionKind.SWING:

@@ -8,8 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.measure.files import report_input
-from pipelines.measure.measurement import ClipMeasurement, on_axes, tracks_as_frame
+from pipelines.measure.measurement import (
+    BALL,
+    PENDULUM,
+    ClipMeasurement,
+    on_axes,
+    tracks_as_frame,
+)
 from pipelines.report import Curve, GapRecord, ReportInput, SpeedRecord
+from vision.tracks import MotionKind
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -79,6 +86,9 @@ def graphs_of(measured: ClipMeasurement) -> tuple[Graph, ...]:
     measured : ClipMeasurement
     """
     table = tracks_as_frame(measured)
+    if measured.motion.measured_as is not MotionKind.COLLISION:
+        # what also moves hides the measured curves
+        table = table[table["object"].isin((BALL, PENDULUM))]
     clock = _Clock(table)
     shown = report_input(measured, None)
     found: list[Graph] = []

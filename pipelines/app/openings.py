@@ -1,5 +1,6 @@
 """Clips to open: recent ones, samples, dropped files."""
 
+import filecmp
 import json
 import shutil
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ __all__ = [
     "Sample",
     "file_name",
     "free_place",
+    "kept_once",
     "place_from",
     "placed_sample",
     "samples",
@@ -124,6 +126,18 @@ def free_place(folder: Path, name: str) -> Path:
         if not path.exists():
             return path
     raise UsageError(f"{folder} is full of {plain}", hint="Remove some of these files.")
+
+
+def kept_once(copy: Path, name: str) -> Path:
+    """The file of that name next to a new copy if it holds the same; else the copy.
+
+    A clip that is dropped again has its corrections beside it.
+    """
+    earlier = copy.with_name(Path(file_name(name)).name)
+    if earlier == copy or not filecmp.cmp(copy, earlier, shallow=False):
+        return copy
+    copy.unlink()
+    return earlier
 
 
 class Recent:

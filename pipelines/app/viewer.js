@@ -192,7 +192,8 @@ function draw() {
     if (one.kind === "mass" && marks.pivot)
       make("svg:line", {x1: marks.pivot[0], y1: marks.pivot[1], x2: moved[0], y2: moved[1],
                         class: "vs-mass", "stroke-width": unit}, now.svg);
-    circle(...moved, one.r[row], one.kind, now.words.objects[one.name] || one.name);
+    const named = one.kind !== "other" || now.all;
+    circle(...moved, one.r[row], one.kind, named ? now.words.objects[one.name] || one.name : "");
   }
   if (now.all || now.mode) for (const one of marks.candidates) {
     const row = one.rows.get(frame);

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -161,11 +162,17 @@ def test_quantities_are_correlated_as_their_sources_are(measured: iv.Measurement
 def test_a_measurement_is_explained_and_drawn_on_axes(
     measured: iv.Measurement, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: dict[str, object] = {}
-    monkeypatch.setattr("pipelines.api.explained.explain", lambda **words: asked.update(words))
+    # the clip's own campaign, as `vision explain CLIP` makes it
+    asked: list[Any] = []
+    campaign = "pipelines.explain.campaign.explain_campaign"
+    monkeypatch.setattr(campaign, lambda *words, **named: asked.append((words, named)))
+    monkeypatch.setattr("pipelines.api.explained.Verdict", lambda _: None)
     measured.explain(hold_out=("1",))
-    assert set(asked) == {"balls", "pendulum", "setup", "hold_out"}
-    assert asked["setup"].ball is not None
+    [((records, setup), named)] = asked
+    assert records.calibrated
+    assert records.widths.keys() >= {"time_base", "length_scale"}
+    assert setup.ball is not None
+    assert named == {"hold_out": ("1",)}
     axes = Figure().subplots()
     assert measured.plot(ax=axes) is axes
     assert axes.lines

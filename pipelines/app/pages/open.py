@@ -9,7 +9,15 @@ from nicegui import ui
 from nicegui.events import UploadEventArguments
 
 from metrology import ImpactVisionError
-from pipelines.app.openings import Recent, Sample, free_place, place_from, placed_sample, samples
+from pipelines.app.openings import (
+    Recent,
+    Sample,
+    free_place,
+    kept_once,
+    place_from,
+    placed_sample,
+    samples,
+)
 from pipelines.app.words import Say, on_page
 
 __all__ = ["OpenPage"]
@@ -112,6 +120,7 @@ class OpenPage:
         try:
             place = free_place(self._folder, event.file.name)
             await event.file.save(place)
+            place = kept_once(place, event.file.name)
         except ImpactVisionError as problem:
             self._show(on_page(problem.in_one_line, self.say))
         except OSError as problem:

@@ -12,6 +12,7 @@ from pipelines.app.openings import (
     Recent,
     file_name,
     free_place,
+    kept_once,
     place_from,
     placed_sample,
     samples,
@@ -97,3 +98,13 @@ def test_recent_clips_are_remembered_and_a_damaged_list_is_empty(tmp_path: Path)
         assert recent.places() == ()
     # where nothing can be written, nothing happens
     Recent(tmp_path / "0.mp4" / "recent.json").add(clips[0])
+
+
+def test_a_clip_dropped_again_is_the_same_file(tmp_path: Path) -> None:
+    (tmp_path / "a.mp4").write_bytes(b"one")
+    (tmp_path / "a-2.mp4").write_bytes(b"one")
+    assert kept_once(tmp_path / "a-2.mp4", "a.mp4") == tmp_path / "a.mp4"
+    assert [one.name for one in tmp_path.iterdir()] == ["a.mp4"]
+    (tmp_path / "a-2.mp4").write_bytes(b"two")
+    assert kept_once(tmp_path / "a-2.mp4", "a.mp4") == tmp_path / "a-2.mp4"
+    assert kept_once(tmp_path / "a.mp4", "a.mp4") == tmp_path / "a.mp4"
