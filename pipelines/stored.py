@@ -11,6 +11,7 @@ import json
 import zipfile
 from collections.abc import Callable
 from enum import Enum
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -93,6 +94,8 @@ class _TreeWriter:
             return self._array(value)
         if isinstance(value, Path):
             return ["path", str(value)]
+        if isinstance(value, Fraction):
+            return ["fraction", value.numerator, value.denominator]
         if type(value) in (list, tuple, set, frozenset):
             return [type(value).__name__, *map(self.tree, value)]
         if type(value) is dict:
@@ -138,6 +141,7 @@ class _TreeReader:
             "scalar": lambda number: self._arrays[number][()],
             "array": lambda number: self._arrays[number],
             "path": Path,
+            "fraction": Fraction,
             "list": lambda *items: [self.value(item) for item in items],
             "tuple": lambda *items: tuple(self.value(item) for item in items),
             "set": lambda *items: {self.value(item) for item in items},

@@ -122,6 +122,10 @@ def measured_once(measure: _Measure) -> _Measure:
         progress: _Progress | None = None,
         kept: KeptResults | None = None,
     ) -> ClipMeasurement:
+        if options is not None and options.axes is not None:
+            # no number depends on them
+            found = measured(path, replace(options, axes=None), progress, kept)
+            return replace(found, axes=options.axes)
         path = Path(path)
         stored = Cache.of_user(wanted=options is not None and options.cache)
         if stored.folder is None or options is None or not os.path.exists(path):
@@ -387,8 +391,7 @@ def measure_clip(
     fitted = fitted_once(clip, options, lambda: fit_tracks(followed, report, kept))
     found = quantities_of(fitted, report, options.budget, options.wanted)
     doubts = [*_pivot_doubts(seen.tracks, tracks), *_landing_doubts(found.evaluated)]
-    made = measurement_of(seen.info, followed, found, (*seen.warnings, *doubts))
-    return replace(made, axes=options.axes)
+    return measurement_of(seen.info, followed, found, (*seen.warnings, *doubts))
 
 
 _MIN_ARM_RADII = 2.0
@@ -557,7 +560,7 @@ def fitted_once(
         Does the fitting.
     """
     kept = Cache.of_user(wanted=options.cache)
-    fit_options = replace(options, wanted=None, budget=Propagation.RESPONSE, axes=None)
+    fit_options = replace(options, wanted=None, budget=Propagation.RESPONSE)
     key = kept.key("fits", clip.info.sha256, _lens_digest(options), fit_options)
     found = kept.get(key)
     if isinstance(found, FittedClip):

@@ -251,7 +251,7 @@ def results_of(
     speeds = compare_speeds(found)
     bound = _contact_bound(evaluated)
     size = _size(evaluated, tracks, found)
-    arm = _arm(evaluated)
+    arm = _arm(evaluated, tracks)
     covered = (agreement, speeds and speeds.check, by_gravity, bound)
     against = [one for one in (size, arm, passive_contact(found)) if one]
     checks = [*(one for one in covered if one), *(one.check for one in against)]
@@ -328,10 +328,12 @@ def _size(evaluated: Evaluated, tracks: Tracks, found: dict[str, Quantity]) -> C
     return ball_size(2.0 * metric.radius_m, relative_std, diameter.value, found)
 
 
-def _arm(evaluated: Evaluated) -> CheckResult | None:
-    """Check the observed arm against the pendulum's length."""
-    impact = evaluated.impact
+def _arm(evaluated: Evaluated, tracks: Tracks) -> CheckResult | None:
+    """Check the observed arm against the pendulum's length, if there is a scale."""
+    impact, scene = evaluated.impact, evaluated.scene
     if impact is None or impact.contact is None or impact.view is None:
+        return None
+    if scene.calibration is None and not math.isfinite(scale_std(scene, tracks)):
         return None
     view = impact.view
     angle = float(view.before.angles(np.array([impact.contact.onset_s]))[0])

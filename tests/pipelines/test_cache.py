@@ -9,6 +9,7 @@ import subprocess
 import sys
 import zipfile
 from dataclasses import MISSING, fields, replace
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -210,6 +211,7 @@ def test_what_a_measurement_holds_comes_back_the_same(
     [
         {"a": [1, 2.5, float("inf"), None, True], ("b", 3): {"x", "y"}, "c": frozenset({1})},
         (np.float64(1.5), np.int64(3), np.bool_(True), b"bytes", Path("a/b"), RateSource.OPTION),
+        (Fraction(5, 2), Fraction(1)),
     ],
 )
 def test_plain_values_keep_their_types(value: object) -> None:
