@@ -25,7 +25,13 @@ from mismatch.candidates import (
     within_patience,
 )
 from mismatch.fitting.fit import Fit, fit_model, kept_free, spread_laws
-from mismatch.fitting.hypotheses import LOOSE_LAWS, POOR_FIT, SURELY, Hypothesis
+from mismatch.fitting.hypotheses import (
+    LOOSE_LAWS,
+    POOR_FIT,
+    SURELY,
+    Hypothesis,
+    group_tolerance,
+)
 from mismatch.fitting.prepare import Prepared, prepare, with_slow_noise
 from mismatch.fitting.reading import NOTEWORTHY
 from mismatch.fitting.scan import own_values, robust_spread, scan
@@ -165,7 +171,7 @@ def explain_in_full(
     ]
     for effect in chosen.effects:
         _refuse_failing(prepared, effect)
-    prepared, naming = _searched(prepared, effects, chosen.most_effects)
+    prepared, naming = _searched(prepared, effects, chosen.most_effects, chosen.widths.keys())
     held = _held_mask(campaign, chosen.hold_out)
     answers = _tested_answers(prepared, naming, held)
     tested = _preferred(answers)
@@ -182,17 +188,48 @@ INSTRUMENTS = frozenset({EffectId.LENGTH_SCALE, EffectId.TIME_BASE, EffectId.CAM
 """Ids of what is left open in free flights."""
 
 
-def _searched(prepared: Prepared, effects: Sequence[Effect], most: int) -> tuple[Prepared, Naming]:
+def _searched(
+    prepared: Prepared, effects: Sequence[Effect], most: int, measured: Set[str]
+) -> tuple[Prepared, Naming]:
     """What the search finds, and the baseline that it starts from.
 
     Where usual errors of stated inputs and instruments have more evidence than names, they are left
     open and the search starts anew.
     """
     prepared, found = _searched_as_stated(prepared, effects, most)
+    if found.best is None:
+        return _with_fault_of_instrument(prepared, found, effects, most, measured)
     inputs = beside_usual_inputs(prepared, found)
     if inputs.opened is None:
         return prepared, found.and_tried(inputs.sets)
     return _searched_as_stated(inputs.opened, effects, most)
+
+
+def _with_fault_of_instrument(
+    prepared: Prepared, found: Naming, effects: Sequence[Effect], most: int, measured: Set[str]
+) -> tuple[Prepared, Naming]:
+    """Where nothing is found, a fault of instruments that are held to be right.
+
+    One fault is called by its name, however small it is, unless a calibration has `measured` the
+    instrument. Several at once are what a careful laboratory has, as long as none is noteworthy.
+    """
+    base = prepared.fit
+    off = _instruments_off(base)
+    held = INSTRUMENTS.intersection(identity for identity, *_ in _left_open(base, base))
+    held = held if off else held.difference(measured)
+    if not held:
+        return prepared, found
+    faults = [effect for effect in effects if effect.id in held]
+    right = replace(prepared, fit=_with_held(prepared, held))
+    usual = right.fit.objective - base.objective
+    if usual < found.threshold:
+        return prepared, found
+    blamed = name_effects(right.forward, right.fit, faults, most=most, unnamed=False)
+    best = blamed.best
+    if best is None:
+        return prepared, found
+    alone = len(best.members) == 1 and best.gain > usual - group_tolerance(best)
+    return (right, blamed) if off or alone else (prepared, found)
 
 
 def _searched_as_stated(
@@ -200,10 +237,8 @@ def _searched_as_stated(
 ) -> tuple[Prepared, Naming]:
     """As `_searched`, with the inputs as the baseline has them.
 
-    Beside open instruments a fault of theirs explains nothing that they don't take up. Where
-    nothing else is found, and one is further off than careful labs are, faults are looked for from
-    instruments that are held to be right. One that is only assumed to be right, and surely is not,
-    is held against whatever else says as much.
+    Beside open instruments a fault of theirs explains nothing that they don't take up. One that is
+    only assumed to be right, and surely is not, is held against whatever else says as much.
     """
     found = name_effects(prepared.forward, prepared.fit, effects, most=most)
     slow = None if found.best is None else with_slow_noise(prepared, _beside(prepared, found.best))
@@ -227,12 +262,7 @@ def _searched_as_stated(
         held = replace(prepared, fit=_with_held(prepared, assumed))
         told = name_effects(held.forward, held.fit, effects, most=most)
         return (prepared, found) if told.best is None else (held, told)
-    if found.best is not None or not _instruments_off(prepared.fit):
-        return prepared, found
-    faults = [effect for effect in effects if effect.id in INSTRUMENTS]
-    held = replace(prepared, fit=_with_held(prepared, INSTRUMENTS))
-    blamed = name_effects(held.forward, held.fit, faults, most=most, unnamed=False)
-    return (prepared, found) if blamed.best is None else (held, blamed)
+    return prepared, found
 
 
 def _beside(prepared: Prepared, best: Hypothesis) -> Fit:
