@@ -124,8 +124,8 @@ def measured_once(measure: _Measure) -> _Measure:
     ) -> ClipMeasurement:
         if options is not None and options.axes is not None:
             # no number depends on them
-            found = measured(path, replace(options, axes=None), progress, kept)
-            return replace(found, axes=options.axes)
+            plain = measured(path, replace(options, axes=None), progress, kept)
+            return replace(plain, axes=options.axes)
         path = Path(path)
         stored = Cache.of_user(wanted=options is not None and options.cache)
         if stored.folder is None or options is None or not os.path.exists(path):
