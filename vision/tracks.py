@@ -95,6 +95,8 @@ class Motion:
         Every other kind and its probability, most probable first.
     fall_px : (2,) tuple of float or None
         Acceleration of free fall, px per frame², y down; None where there is no certain one.
+    events : tuple of (str, int)
+        What happens and its frame, in order: "release", "contact", "bounce", "landing", "stop".
     """
 
     kind: MotionKind
@@ -103,6 +105,7 @@ class Motion:
     frames: tuple[int, int] | None = None
     alternatives: tuple[tuple[MotionKind, float], ...] = ()
     fall_px: tuple[float, float] | None = None
+    events: tuple[tuple[str, int], ...] = ()
 
     def of_object(self, probability: float) -> "Motion":
         """The same where it is the right object with a probability: then only is a kind right."""
@@ -406,6 +409,8 @@ class Tracks:
         rest, motion, shift = self.rest_frames, self.motion, self.shift_px
         if motion.frames is not None:
             motion = replace(motion, frames=place.span(motion.frames))
+        events = tuple((name, place.span((at, at))[0]) for name, at in motion.events)
+        motion = replace(motion, events=events)
         others, dismissed = (
             tuple(replace(one, track=one.track.in_clip(place)) for one in objects)
             for objects in (self.others, self.dismissed)

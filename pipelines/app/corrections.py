@@ -153,6 +153,8 @@ class Corrections:
     inputs : ClipInputs
     ball : tuple of ObjectMark
         In the order in which they were set.
+    ignored : tuple of ObjectMark
+        On found objects that are not the ball.
     mass : ObjectMark or None
         On the pendulum's mass.
     stick : Stick or None
@@ -170,6 +172,12 @@ class Corrections:
     pivot: tuple[float, float] | None = None
     landing: tuple[float, float] | None = None
     axes: Axes | None = None
+    ignored: tuple[ObjectMark, ...] = ()
+
+    @property
+    def edits_objects(self) -> bool:
+        """Whether the found objects are corrected, rather than what is derived from them."""
+        return bool(self.ball or self.ignored)
 
     def with_ball(self, mark: ObjectMark) -> "Corrections":
         """With a mark on the ball, which replaces an earlier one in the same frame."""
@@ -253,7 +261,15 @@ def read_corrections(path: Path) -> Corrections:
         return Corrections()
     name = shown_path(path)
     document = parse_toml(read_small_text(path, what="the corrections"), name)
-    unknown = document.keys() - {"inputs", "ball", "mass", "stick", "axes", *FIXED_POINTS}
+    unknown = document.keys() - {
+        "inputs",
+        "ball",
+        "mass",
+        "stick",
+        "axes",
+        "ignored",
+        *FIXED_POINTS,
+    }
     known = {one.name for one in fields(ClipInputs)}
     inputs = document.get("inputs", {})
     if not isinstance(inputs, dict):
@@ -263,19 +279,24 @@ def read_corrections(path: Path) -> Corrections:
         raise _wrong(name, f"{min(unknown)} is not known")
     if wrong := [key for key, text in inputs.items() if not isinstance(text, str)]:
         raise _wrong(name, f"{wrong[0]} is not in quotes")
-    ball, mass = document.get("ball", []), document.get("mass")
-    if not isinstance(ball, list) or len(ball) > MAX_MARKS:
-        raise _wrong(name, "ball is no list of marks")
-    marks = tuple(_mark(name, f"[[ball]] number {k}", one) for k, one in enumerate(ball, 1))
+    mass = document.get("mass")
     return Corrections(
         ClipInputs(**inputs),
-        marks,
+        _marks(name, "ball", document),
         None if mass is None else _mark(name, "[mass]", mass),
         _stick(name, document["stick"]) if "stick" in document else None,
         _numbers(name, "pivot", document.get("pivot"), _OF_POINT),
         _numbers(name, "landing", document.get("landing"), _OF_POINT),
         Axes(*_numbers(name, "axes", document["axes"], _OF_AXES)) if "axes" in document else None,
+        _marks(name, "ignored", document),
     )
+
+
+def _marks(name: str, key: str, document: dict[str, Any]) -> tuple[ObjectMark, ...]:
+    held = document.get(key, [])
+    if not isinstance(held, list) or len(held) > MAX_MARKS:
+        raise _wrong(name, f"{key} is no list of marks")
+    return tuple(_mark(name, f"[[{key}]] number {k}", one) for k, one in enumerate(held, 1))
 
 
 _OF_POINT = ("x_px", "y_px")
@@ -356,27 +377,38 @@ def write_corrections(path: Path, corrections: Corrections) -> None:
     for key in FIXED_POINTS:
         if (point := getattr(corrections, key)) is not None:
             document[key] = dict(zip(("x_px", "y_px"), point, strict=True))
-    document["ball"] = [table(mark) for mark in corrections.ball]
+    for key in ("ball", "ignored"):
+        document[key] = [table(mark) for mark in getattr(corrections, key)]
     text = "# Written by vision app. Positions in px, frames count from 0.\n"
     write_text_whole(path, text + tomli_w.dumps(document))
 
 
 def corrected_table(
-    candidates: "pd.DataFrame | None", marks: tuple[ObjectMark, ...]
+    candidates: "pd.DataFrame | None",
+    marks: tuple[ObjectMark, ...],
+    ignored: tuple[ObjectMark, ...] = (),
 ) -> "pd.DataFrame | None":
-    """Tracklets with the marks on the ball entered; None if they do not determine any.
+    """Tracklets with the marks entered; None if they do not determine any.
 
-    A mark on a found object selects it. A dragged outline replaces the position in its frame.
+    A mark on a found object selects it; ignored ones are left out, and in place of the measured one
+    the most probable of the others is. A dragged outline replaces the position in its frame.
 
     Parameters
     ----------
     candidates : DataFrame or None
         Tracklets found in the clip, as `vision measure --tracklets` writes them.
-    marks : tuple of ObjectMark
+    marks, ignored : tuple of ObjectMark
+        On the ball, and on what is not.
     """
-    if candidates is None or not marks or not len(candidates):
+    if candidates is None or not (marks or ignored) or not len(candidates):
         return None
-    table = candidates.copy()
+    left_out = {_tracklet_at(candidates, mark) for mark in ignored} - {None}
+    table = candidates[~candidates["tracklet"].isin(left_out)].copy()
+    if not len(table) or not (marks or left_out):
+        return None
+    if not (table["measured"] == 1).any():
+        likely = table.groupby("tracklet")["probability"].first().idxmax()
+        table["measured"] = (table["tracklet"] == likely).astype(int)
     pointed = [mark for mark in marks if not mark.moved]
     if pointed:
         number = _tracklet_at(table, pointed[-1])

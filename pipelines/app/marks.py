@@ -12,7 +12,10 @@ from vision.tracks import PendulumTrack, Track
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["marks_of"]
+__all__ = ["EVENTS", "marks_of"]
+
+EVENTS = ("contact", "landing", "release", "bounce", "stop", "begins", "ends")
+"""Names of events."""
 
 MAX_CANDIDATES = 12
 """Found objects that are offered (chosen: the most probable; more hide the picture)."""
@@ -121,16 +124,21 @@ def _candidates(
 
 
 def _events(measured: ClipMeasurement, contact: list[int] | None) -> list[dict[str, Any]]:
-    """Named frames, in order."""
-    tracks, fps = measured.tracks, measured.rate.fps
-    events = []
+    """Named frames, in order; of those of one moment the first that is known best."""
+    motion, fps = measured.tracks.motion, measured.rate.fps
+    known: list[tuple[int, str]] = []
     if contact is not None:
-        events.append((contact[0], "contact"))
+        known.append((contact[0], "contact"))
         landing = measured.quantity("landing_time")
         start = measured.quantity("contact_start")
         if landing.value is not None and start.value is not None:
-            events.append((round((start.value + landing.value) * fps), "landing"))
-    elif tracks.motion.frames is not None:
-        events += [(tracks.motion.frames[0], "begins"), (tracks.motion.frames[1], "ends")]
+            known.append((round((start.value + landing.value) * fps), "landing"))
+    known += [(at, name) for name, at in motion.events if name != "contact" or contact is None]
+    if contact is None and motion.frames is not None:
+        known += zip(motion.frames, ("begins", "ends"), strict=True)
+    events: list[tuple[int, str]] = []
+    for at, name in known:
+        if all(abs(at - other) > 1 for other, _ in events):
+            events.append((at, name))
     last = max(measured.info.frames - 1, 0)
     return [{"frame": min(int(at), last), "name": name} for at, name in sorted(events)]

@@ -148,12 +148,15 @@ class ClipSession:
             self._changed()
 
     def mark(self, kind: str, frame: int, x: float, y: float, *, moved: bool) -> None:
-        """Mark the ball or the mass in a frame; `moved` if its outline was dragged there."""
+        """Mark ball, mass or what is ignored in a frame; `moved` if its outline was dragged."""
         mark = ObjectMark(
             int(frame), round(float(x), 2), round(float(y), 2), moved and kind == "ball"
         )
         now = self.corrections
-        self.change(replace(now, mass=mark) if kind == "mass" else now.with_ball(mark))
+        if kind == "ignored":
+            self.change(replace(now, ignored=(*now.ignored, mark)))
+        else:
+            self.change(replace(now, mass=mark) if kind == "mass" else now.with_ball(mark))
 
     def place_stick(self, stick: Stick) -> None:
         """Take the scale from a stick in the frame, in place of a typed one.
@@ -182,7 +185,7 @@ class ClipSession:
                     self.measured, self.figures, self.graphs = measured, figures, graphs
                     self._shown, self.explained = answer.candidates, None
                 # with corrections the answer holds the corrected objects, not those found
-                if answer.candidates is not None and not self.corrections.ball:
+                if answer.candidates is not None and not self.corrections.edits_objects:
                     self._candidates = answer.candidates
             self.revision += 1
 
@@ -205,7 +208,7 @@ class ClipSession:
 
     def _table(self) -> "pd.DataFrame | None":
         found = self._candidates if self._candidates is not None else self._shown
-        return corrected_table(found, self.corrections.ball)
+        return corrected_table(found, self.corrections.ball, self.corrections.ignored)
 
     def _changed(self) -> None:
         self._save()

@@ -7,6 +7,7 @@ import numpy as np
 from metrology.kept import KeptResults
 from vision.motions.kinds import interpret
 from vision.motions.models import Observations
+from vision.motions.segments import EventKind
 from vision.tracks import Motion, MotionKind, PendulumTrack, Track
 
 __all__ = ["interpret_tracks"]
@@ -55,7 +56,18 @@ def interpret_tracks(
         found.frames,
         tuple(item for item in ranked if item[0] is not found.kind),
         found.gravity_px,
+        tuple((str(one.kind), round(one.frame)) for one in found.events if one.kind in _SHOWN),
     )
+
+
+_SHOWN = (
+    EventKind.RELEASE,
+    EventKind.CONTACT,
+    EventKind.BOUNCE,
+    EventKind.LANDING,
+    EventKind.STOP,
+)
+"""Events that a person looks for; turning points and changes are many."""
 
 
 def _observed(track: Track) -> Observations:

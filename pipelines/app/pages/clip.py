@@ -40,6 +40,7 @@ KINDS = ("strike", "flight", "drop", "bounce", "swing", "collision")
 _POINTED = (
     ("ball", "this_ball"),
     ("mass", "this_mass"),
+    ("ignored", "ignore"),
     ("pivot", "pivot"),
     ("landing", "point_landing"),
     ("axes", "axes"),
@@ -51,7 +52,7 @@ _AXES = {"axes_x": 0.0, "axes_y": 90.0}
 """Ends of axes, and their directions from the x axis, degrees."""
 
 _ENDS = ("end0", "end1")
-_OBJECTS = ("ball", "mass")
+_OBJECTS = ("ball", "mass", "ignored")
 """What can be placed in the frame: ends of a calibration stick, and objects."""
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from nicegui import ui
 
+from pipelines.app.marks import EVENTS
 from pipelines.app.session import ClipSession
 from pipelines.app.words import Say
 
@@ -165,6 +166,6 @@ class ClipFrame:
             "words": {
                 **{name: say(name) for name in names},
                 "objects": {name: say(name) for name in ("ball", "pendulum")},
-                "events": {name: say(name) for name in ("contact", "landing", "begins", "ends")},
+                "events": {name: say(name) for name in EVENTS},
             },
         }

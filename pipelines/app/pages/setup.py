@@ -12,7 +12,7 @@ import numpy as np
 from nicegui import ui
 
 from metrology import ImpactVisionError
-from pipelines.app.corrections import ClipInputs, Corrections, cure_of
+from pipelines.app.corrections import ClipInputs, cure_of
 from pipelines.app.pages.clip import copy_card, job_status
 from pipelines.app.pages.frame import ClipFrame, FramePoint
 from pipelines.app.session import ClipSession
@@ -526,7 +526,7 @@ class SetupPage:
             return
         setup, folder = written.setup.absolute(), self.clip.path.parent.absolute()
         setup = setup.relative_to(folder) if setup.parent == folder else setup
-        asked = Corrections(ClipInputs(setup=str(setup)), now.ball, now.mass)
+        asked = replace(now, inputs=ClipInputs(setup=str(setup)), stick=None)
         if asked == now:
             self.clip.begin()
         else:

@@ -43,6 +43,7 @@ def test_corrections_survive_the_file(tmp_path: Path) -> None:
         (120.5, -8.0),
         (310.0, 88.25),
         Axes(10.0, 20.5, -7.0),
+        (ObjectMark(4, 1.0, 2.0),),
     )
     write_corrections(file, corrections)
     assert read_corrections(file) == corrections
@@ -128,6 +129,22 @@ def test_a_mark_on_another_object_selects_it() -> None:
     again = corrected_table(_table(), both)
     assert again is not None
     assert set(again[again["measured"] == 1]["tracklet"]) == {0}
+
+
+def test_what_is_ignored_leaves_the_most_probable_other_object() -> None:
+    found = pd.concat([_table(), _table().assign(tracklet=lambda one: one["tracklet"] + 2)])
+    found = found.assign(probability=found["tracklet"].map({0: 0.6, 1: 0.1, 2: 0.2, 3: 0.1}))
+    found.loc[found["tracklet"] > 0, "measured"] = 0
+    found.loc[found["tracklet"] > 1, "x_px"] += 100.0
+    table = corrected_table(found, (), (ObjectMark(2, 23.0, 31.0),))
+    assert table is not None
+    assert set(table["tracklet"]) == {1, 2, 3}
+    assert set(table[table["measured"] == 1]["tracklet"]) == {2}
+    # another one ignored changes nothing of what is measured
+    table = corrected_table(found, (), (ObjectMark(2, 23.0, 81.0),))
+    assert table is not None
+    assert set(table[table["measured"] == 1]["tracklet"]) == {0}
+    assert corrected_table(found, (), (ObjectMark(2, 400.0, 400.0),)) is None
 
 
 def test_a_dragged_outline_replaces_or_adds_a_row() -> None:

@@ -1,16 +1,20 @@
 """What the page displays of a measurement: numbers with their standing, graphs, outlines."""
 
 import json
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from physics.bodies import GRAVITY
+from pipelines.api.quantities import measure_options
 from pipelines.app.figures import Standing, figures_of
 from pipelines.app.graphs import MAX_POINTS, graphs_of
 from pipelines.app.marks import MAX_CANDIDATES, marks_of
 from pipelines.app.words import on_page, says
 from pipelines.checker.scene import Finding
+from pipelines.measure.chain import measure_clip
 from pipelines.measure.inputs import (
     TIMELESS_UNITS,
     Assumption,
@@ -21,7 +25,7 @@ from pipelines.measure.measurement import ClipMeasurement
 from pipelines.report import Check, CheckOutcome
 from pipelines.report.inputs import CheckKind
 from pipelines.setup.file import Setup
-from tests.pipelines.app.small import strike
+from tests.pipelines.app.small import CLIP, strike
 from vision.stages import candidate_table
 
 
@@ -169,3 +173,15 @@ def test_outlines_of_a_moving_camera_are_those_of_the_frames() -> None:
 )
 def test_messages_name_fields_and_buttons_of_the_page(message: str, shown: str) -> None:
     assert on_page(message, says("en")) == shown
+
+
+def test_bounces_are_ticks_of_the_time_line() -> None:
+    lesson = CLIP.parents[2] / "docs" / "lessons" / "bounce.mp4"
+    options = measure_options(fps="240", scale="200 px/m ± 2 px/m", cache=True)
+    events = marks_of(measure_clip(lesson, options))["events"]
+    # as it was simulated: from 1 m to a radius of 0.1 m, and up again with 0.75 of the speed
+    first = math.sqrt(2 * 0.9 / GRAVITY)
+    moments = np.array([first, (1.0 + 2.0 * 0.75) * first]) + 0.047
+    bounces = [one["frame"] for one in events if one["name"] == "bounce"]
+    assert bounces == pytest.approx((240.0 * moments).tolist(), abs=1.5)
+    assert len({one["frame"] for one in events}) == len(events)
