@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pipelines.api.wording import in_fields
 from pipelines.report.inputs import quantity_label
 
-__all__ = ["LANGUAGES", "Say", "label_of", "on_page", "says", "users_language"]
+__all__ = ["LANGUAGES", "Say", "hint_of", "label_of", "on_page", "says", "users_language"]
 
 LANGUAGES = {"en": "English", "de": "Deutsch"}
 """Languages by code."""
@@ -418,6 +418,67 @@ _LABELS = {
     "swing_period": "Schwingungsdauer",
     "swing_damping": "Dämpfung der Schwingung",
 }
+
+
+_HINTS = {
+    "contact_frames": (
+        "Frames in which ball and pendulum touch",
+        "Bilder, in denen sich Ball und Pendel berühren",
+    ),
+    "contact_time": (
+        "From first touch to release, also between frames",
+        "Von der ersten Berührung bis zum Ablösen, auch zwischen den Bildern",
+    ),
+    "launch_angle": (
+        "Of the ball's velocity at release, above the horizontal",
+        "Der Ballgeschwindigkeit beim Ablösen, über der Waagrechten",
+    ),
+    "landing_distance": (
+        "From the ball's rest to its landing, in the plane of its flight",
+        "Von der Ruhelage des Balls bis zur Landung, in der Ebene des Flugs",
+    ),
+    "landing_distance_on_wall": (
+        "As the grid behind the ball reads: too far, as the ball is nearer to the camera",
+        "Wie am Raster hinter dem Ball abgelesen: zu weit, denn der Ball ist näher an der Kamera",
+    ),
+    "cor": (
+        "Coefficient of restitution: speed of separation over speed of approach, 1 without loss",
+        "Stoßzahl: Geschwindigkeit des Trennens durch die des Annäherns, 1 ohne Verlust",
+    ),
+    "external_impulse": (
+        "Mass of the ball times its speed at release",
+        "Masse des Balls mal Geschwindigkeit beim Ablösen",
+    ),
+    "energy_loss": (
+        "Kinetic energy of the pendulum before the contact minus that after it",
+        "Bewegungsenergie des Pendels vor dem Kontakt minus der danach",
+    ),
+    "backswing_angle": (
+        "From the lowest point, where the pendulum is let go",
+        "Vom tiefsten Punkt aus, wo das Pendel losgelassen wird",
+    ),
+    "fall_acceleration": (
+        "Downwards; 9.81 m/s² where rate and scale are right",
+        "Nach unten; 9,81 m/s², wenn Bildrate und Maßstab stimmen",
+    ),
+    "swing_period": ("Time of one swing to and fro", "Dauer einer Schwingung hin und her"),
+    "swing_damping": (
+        "The amplitude falls as exp(−damping · t)",
+        "Die Auslenkung nimmt ab wie exp(−Dämpfung · t)",
+    ),
+    "std": (
+        "Standard uncertainty: in 2 of 3 cases the true value is within ±",
+        "Standardunsicherheit: in 2 von 3 Fällen liegt der wahre Wert innerhalb von ±",
+    ),
+}
+"""Explanations that are shown on hovering; an estimate of a quantity has that quantity's."""
+
+
+def hint_of(name: str, language: str) -> str:
+    """Explanation of a quantity; empty if its label says it all."""
+    plain = name.removesuffix("_px")
+    known = _HINTS.get(plain) or _HINTS.get(plain.partition("_")[0])
+    return "" if known is None else known[list(LANGUAGES).index(language)]
 
 
 def says(language: str) -> Say:

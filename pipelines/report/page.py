@@ -143,10 +143,10 @@ def report_html(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     source = files("pipelines.report").joinpath("page.html.j2").read_text(encoding="utf-8")
-    plots = [
-        (panel[0], _data_uri("image/svg+xml", panel_svg(panel).encode()))
-        for panel in (*panels, *panels_of(report))
-    ]
+    plots = []
+    for panel in (*panels, *panels_of(report)):
+        picture, points = panel_svg(panel)
+        plots.append((panel[0], _data_uri("image/svg+xml", picture.encode()), points))
     still = None if report.still_png is None else _data_uri("image/png", report.still_png)
     rows = [_row(quantity, label(quantity.name)) for quantity in report.quantities]
     most = (MAX_SHEET_ROWS, MAX_SHEET_PLOTS) if command else (MAX_MAIN_ROWS, len(plots))

@@ -1,6 +1,7 @@
 """Plots of one measurement: gap, speeds, path on the wall, residuals."""
 
 import io
+import json
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +11,9 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from metrology import UsageError, written_whole
 from pipelines.doors import DATE
@@ -110,14 +113,37 @@ def panels_of(report: ReportInput) -> tuple[Panel, ...]:
     return tuple(panels)
 
 
-def panel_svg(panel: Panel) -> str:
-    """Draw one panel as an SVG document."""
+def panel_svg(panel: Panel) -> tuple[str, str]:
+    """Draw one panel as an SVG document; with it, as JSON, its axes and points.
+
+    The JSON has `box`, the axes as fractions of the picture (left, bottom, right, top), their
+    limits `x` and `y`, and `series`: pairs of a name and points.
+    """
     with matplotlib.rc_context(STYLE):
         figure = Picture(figsize=(6.2, 3.1), layout="constrained")
-        _fill(figure.subplots(), panel)
+        axes = figure.subplots()
+        _fill(axes, panel)
         buffer = io.StringIO()
         draw_into(buffer, figure, ".svg")
-    return buffer.getvalue()
+    drawn = {
+        "box": [round(float(one), 4) for one in axes.get_position().extents],
+        "x": [float(one) for one in axes.get_xlim()],
+        "y": [float(one) for one in axes.get_ylim()],
+        "series": _points_of(axes),
+    }
+    return buffer.getvalue(), json.dumps(drawn)
+
+
+def _points_of(axes: Axes) -> list[tuple[str, list[list[float]]]]:
+    """Names and points of what the legend lists."""
+    found = []
+    for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
+        line = handle[0] if isinstance(handle, ErrorbarContainer) else handle
+        if isinstance(line, Line2D):
+            points = np.asarray(line.get_xydata())
+            points = points[np.isfinite(points).all(axis=1)]
+            found.append((name, [[float(f"{one:.5g}") for one in row] for row in points]))
+    return found
 
 
 def plots_figure(report: ReportInput) -> Picture:

@@ -15,7 +15,7 @@ from pipelines.app.figures import LARGE_FIGURES, Figure, Standing
 from pipelines.app.pages.frame import ClipFrame, FramePoint, PlacedAt
 from pipelines.app.pages.spans import SpanCard
 from pipelines.app.session import AppSession, ClipSession
-from pipelines.app.words import Say, label_of, on_page
+from pipelines.app.words import Say, hint_of, label_of, on_page
 from pipelines.measure.measurement import Axes
 from pipelines.web import Jobs
 
@@ -181,20 +181,27 @@ class ClipPage:
 
     def _large(self, figure: Figure, *, alone: bool) -> None:
         with ui.element("div").classes("va-figure").props(f'data-test="figure-{figure.name}"'):
-            ui.label(label_of(figure.name, self.session.language)).classes("va-label")
+            self._label(figure).classes("va-label")
             with ui.element("div"):
                 with ui.element("b"):
                     ui.label(figure.value).classes("inline")
-                ui.label(f" ± {figure.std} {figure.unit}").classes("va-std inline")
+                std = ui.label(f" ± {figure.std} {figure.unit}").classes("va-std inline")
+                std.props(f'title="{hint_of("std", self.session.language)}"')
             if alone:
                 self._standing(figure)
             self._budget(figure)
+
+    def _label(self, figure: Figure) -> ui.label:
+        """Its name, explained on hovering."""
+        language = self.session.language
+        label = ui.label(label_of(figure.name, language))
+        return label.props(f'title="{hint_of(figure.name, language)}"')
 
     def _small(self, figure: Figure) -> None:
         with ui.element("div").classes("va-row").props(f'data-test="figure-{figure.name}"'):
             ui.element("span").classes(f"va-stand {figure.standing}").props("aria-hidden=true")
             with ui.element("div"):
-                ui.label(label_of(figure.name, self.session.language))
+                self._label(figure)
                 if figure.standing is not Standing.SOUND:
                     ui.label(standing_text(figure, self.say)).classes("va-small")
                 self._budget(figure)

@@ -12,7 +12,7 @@ from pipelines.api.quantities import measure_options
 from pipelines.app.figures import Standing, figures_of
 from pipelines.app.graphs import MAX_POINTS, graphs_of
 from pipelines.app.marks import MAX_CANDIDATES, marks_of
-from pipelines.app.words import on_page, says
+from pipelines.app.words import hint_of, on_page, says
 from pipelines.checker.scene import Finding
 from pipelines.measure.chain import measure_clip
 from pipelines.measure.inputs import (
@@ -185,3 +185,10 @@ def test_bounces_are_ticks_of_the_time_line() -> None:
     bounces = [one["frame"] for one in events if one["name"] == "bounce"]
     assert bounces == pytest.approx((240.0 * moments).tolist(), abs=1.5)
     assert len({one["frame"] for one in events}) == len(events)
+
+
+def test_jargon_is_explained_in_both_languages() -> None:
+    assert "restitution" in hint_of("cor_range", "en")
+    assert "Stoßzahl" in hint_of("cor_range", "de")
+    assert hint_of("fall_acceleration_px", "en") == hint_of("fall_acceleration", "en")
+    assert hint_of("ball_speed", "en") == ""
