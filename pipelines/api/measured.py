@@ -223,6 +223,11 @@ class Measurement:
             return Verdict(explain_campaign(struck, rig, **options))
         if record.tracks.pendulum is not None:
             return explain(pendulum=tracks, setup=known, **options)
+        if kind not in (MotionKind.FLIGHT, MotionKind.DROP, MotionKind.SWING):
+            raise NotFoundError(
+                f"there is no model of a {record.motion.kind.noun} to compare the tracks with",
+                hint="Strikes, flights, drops, bounces and swings are explained.",
+            )
         if known.model == ModelSetup():
             known = replace(known, model=ModelSetup(effects=("gravity",)))
         if kind is not MotionKind.SWING:

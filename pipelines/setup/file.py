@@ -51,6 +51,7 @@ from pipelines.setup.tables import (
 )
 
 __all__ = [
+    "SIZE_AND_MASS",
     "AirSetup",
     "BallSetup",
     "CameraSetup",
@@ -133,7 +134,7 @@ def meant_name(text: str, names: Iterable[str]) -> str:
     return known[alike[0]] if alike else ""
 
 
-_SIZE_AND_MASS = re.compile(r"(?P<size>.*?),\s*(?P<mass>[^,]*(,\d+)?[^,]*g)\s*")
+SIZE_AND_MASS = re.compile(r"(?P<size>.*?),\s*(?P<mass>[^,]*(,\d+)?[^,]*g)\s*")
 """A comma may also be a decimal one."""
 
 
@@ -145,7 +146,7 @@ def ball_from_option(text: str) -> BallSetup:
     UsageError
         If it is neither.
     """
-    if both := _SIZE_AND_MASS.fullmatch(text):
+    if both := SIZE_AND_MASS.fullmatch(text):
         mass = read_given(both["mass"], measurands.BALL_MASS, "--ball, mass")
         known = ball_from_option(both["size"].strip())
         return replace(known, mass=mass.value, mass_std=mass.std)

@@ -17,6 +17,7 @@ from pipelines.app.pages.spans import SpanCard
 from pipelines.app.session import AppSession, ClipSession
 from pipelines.app.words import Say, hint_of, label_of, on_page
 from pipelines.measure.measurement import Axes
+from pipelines.setup.file import SIZE_AND_MASS
 from pipelines.web import Jobs
 
 __all__ = ["ClipPage", "copy_card", "job_status", "standing_text"]
@@ -258,6 +259,8 @@ class ClipPage:
     def _use(self, name: str, text: str) -> None:
         now = self.clip.corrections
         stick = None if name == "scale" else now.stick
+        if name == "ball" and (known := SIZE_AND_MASS.fullmatch(now.inputs.ball)):
+            text = f"{text}, {known['mass']}"
         self.clip.change(replace(now, inputs=replace(now.inputs, **{name: text}), stick=stick))
 
     def _inputs_card(self) -> None:

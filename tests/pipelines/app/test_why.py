@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from metrology import SetupError
+from metrology import NotFoundError, SetupError
 from physics.bodies import GRAVITY
 from pipelines.app.corrections import ClipInputs, Corrections, options_of
 from pipelines.app.graphs import graphs_of
@@ -18,6 +18,7 @@ from pipelines.app.pages.why import command_of, explained
 from pipelines.measure.chain import measure_clip
 from pipelines.measure.measurement import bob_pendulum
 from tests.pipelines.app.small import CLIP, strike
+from vision.tracks import MotionKind
 
 
 def _clip(path: Path, **inputs: str) -> Any:
@@ -97,3 +98,13 @@ def test_the_command_is_given_only_where_it_does_the_same() -> None:
     assert words == ["vision", "explain", "/lab of/a b.mp4", "--setup", "/lab of/lab.toml"]
     assert command_of(_clip(CLIP, setup="lab.toml", ball="jokku")) == ""
     assert command_of(_clip(CLIP)) == ""
+
+
+def test_a_collision_has_no_model() -> None:
+    tracks = strike().tracks
+    motion = replace(tracks.motion, kind=MotionKind.COLLISION)
+    measured = replace(strike(), tracks=replace(tracks, motion=motion, pendulum=None))
+    clip = _clip(CLIP, setup="jokku_90_small.toml")
+    clip.measured = measured
+    with pytest.raises(NotFoundError, match="no model of a collision"):
+        explained(clip)
