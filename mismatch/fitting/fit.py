@@ -913,6 +913,9 @@ STEPS_OF_ARCS = 30
 
 """Steps at most: one that has not settled by then does not settle."""
 
+MAX_WAIT = 8
+"""Steps at most until damping is lowered again. Chosen; insensitive between 4 and 16."""
+
 GAP_WEIGHT = 30.0
 
 """Weight of a gap between two pieces over that of a row, when steps are compared."""
@@ -1444,23 +1447,27 @@ class _SwingFit:
         return inverse_of(self.normal(replace(place, found=found)).matrix)[laws:, laws:]
 
     def descended(self, place: _PlaceOfArcs, start: SwingStart) -> tuple[_PlaceOfArcs, bool]:
-        """Where steps end, and whether they were given up."""
-        damping, hopeless = 0.0, start.hopeless
+        """Where steps end, and whether they were given up.
+
+        Damping that had to be taken back is lowered later the next time.
+        """
+        damping, hopeless, calm, wait = 0.0, start.hopeless, 0, 1
         for left in reversed(range(STEPS_OF_ARCS)):
-            normal = self.normal(place)
-            before = damping
+            normal, before = self.normal(place), damping
+            settled = SETTLED + 1e-6 * place.cost
             for _ in range(8):
                 moved = self.moved(place, normal.step(damping), 1.0 / (1.0 + damping))
-                if moved.cost < place.cost:
+                if moved.cost < place.cost + settled:
                     break
                 damping = max(4.0 * damping, 0.25)
-            else:
+            gained = place.cost - moved.cost
+            place = moved if gained > 0.0 else place
+            if gained < settled:
                 break
-            gained, place = place.cost - moved.cost, moved
-            if damping == before:
-                damping = 0.0 if damping < 0.3 else 0.2 * damping
-            if gained < SETTLED + 1e-6 * place.cost:
-                break
+            calm = calm + 1 if damping == before else 0
+            wait = min(2 * wait, MAX_WAIT) if damping > before else wait
+            if calm >= wait:
+                damping, calm = (0.0 if damping < 0.3 else 0.2 * damping), 0
             if place.cost > hopeless and gained < CREEPING * place.cost:
                 return place, True
             if left < STEPS_OF_ARCS - FIRST_STEPS and place.cost - left * gained > start.least:

@@ -854,7 +854,8 @@ def _grow(
             ranked = [*known, *ranked]
         elif forward.mode != "swing":
             ranked = [one for one in ranked if not is_known(pool[one[1]].effect)]
-        tells = swinging or bool(known)
+        # Far off the noise the linear look says little of a swing.
+        tells = bool(known) or (swinging and (size == 2 or seed.reduced_chi2 >= POOR_FIT))
         if not tells and not _worth_a_fit(forward, seed, pool, ranked, threshold):
             idle = number == 0 and seed is foremost and ranked and ranked[0][0] < threshold
             if idle and not strained:

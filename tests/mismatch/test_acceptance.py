@@ -288,8 +288,10 @@ def test_one_law_that_leaves_a_misfit_does_not_replace_the_pair_that_leaves_none
     setup = load_setup(tmp_path / "setup.toml")
     campaign = load_campaign(None, tmp_path / "pendulum.csv", setup)
     prepared = prepare(campaign, baseline_from_setup(setup, campaign))
-    laws = [CATALOGUE[name][0] for name in ("bearing_friction", "viscous_damping")]
+    laws = [CATALOGUE[n][0] for n in ("bearing_friction", "viscous_damping", "pendulum_drag")]
     naming = name_effects(prepared.forward, prepared.fit, laws, unnamed=False)
+    # The pair leaves nothing, so no third law is fitted beside any pair.
+    assert max(len(h.members) for h in naming.tried) == 2
     answers = _tested_answers(prepared, naming, None)
     one = next(a for a in answers if len(a.probabilities) == 1)
     assert one.probability > max(a.probability for a in answers if a is not one)
