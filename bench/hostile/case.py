@@ -1,6 +1,7 @@
 """Run one hostile input in a child process and judge the outcome."""
 
 import base64
+import functools
 import hashlib
 import json
 import os
@@ -11,7 +12,7 @@ import tempfile
 import time
 import traceback
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from importlib import import_module
@@ -171,17 +172,25 @@ def load_commands() -> None:
     parse_quantity("1 furlong", "m")
 
 
-def start(arguments: tuple[str, ...], folder: Path, said: Path) -> int:
-    """Fork a child that runs a command in `folder` with stderr in `said`; its process id."""
+def start(
+    arguments: tuple[str, ...], folder: Path, said: Path, run: Callable[[], None] | None = None
+) -> int:
+    """Fork a child that runs a command, or `run`, in `folder` with stderr in `said`; its id."""
     sys.stdout.flush()
     sys.stderr.flush()
     child = os.fork()
     if child == 0:
-        _run_and_exit(arguments, folder, said)
+        _run_and_exit(run or functools.partial(_command, arguments), folder, said)
     return child
 
 
-def _run_and_exit(arguments: tuple[str, ...], folder: Path, said: Path) -> NoReturn:
+def _command(arguments: tuple[str, ...]) -> None:
+    from pipelines.cli import app
+
+    app(list(arguments))
+
+
+def _run_and_exit(run: Callable[[], object], folder: Path, said: Path) -> NoReturn:
     code = 1
     try:
         os.setsid()
@@ -189,9 +198,7 @@ def _run_and_exit(arguments: tuple[str, ...], folder: Path, said: Path) -> NoRet
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         os.dup2(os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 2)
-        from pipelines.cli import app
-
-        app(list(arguments))
+        run()
         code = 0
     except SystemExit as ended:
         code = ended.code if isinstance(ended.code, int) else int(ended.code is not None)

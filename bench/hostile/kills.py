@@ -84,11 +84,15 @@ def _sound(path: Path) -> bool:
 
 @dataclass(frozen=True)
 class Writer:
-    """A command line that writes files, its input files, and the table that it goes on with."""
+    """A command line that writes files, its input files, and the table that it goes on with.
+
+    With `run`, that is called in the command's place.
+    """
 
     arguments: str
     inputs: Callable[[], dict[str, bytes]]
     table: str | None = None
+    run: Callable[[], None] | None = None
 
 
 @dataclass
@@ -131,6 +135,16 @@ def _campaign() -> dict[str, bytes]:
     return {**_clips(), "trials.csv": b"clip,ball\na,jokku\nb,jokku\n"}
 
 
+def _campaign_of_the_page() -> None:
+    """A campaign as the page begins it."""
+    from pipelines.app.campaign import FolderInputs, FolderSession
+
+    session = FolderSession.of(Path("clips"))
+    session.begin(FolderInputs(fps="600", ball="jokku"))
+    session.finish()
+    sys.exit(session.problem or 0)
+
+
 COMMANDS = {
     "simulate": Writer(
         "simulate --impact-speed 2.5 --setup lab.toml --json o.json --csv o.csv --plot o.png",
@@ -166,6 +180,9 @@ COMMANDS = {
         "campaign clips --trials trials.csv --fps 600 --out out -j 2 --quiet",
         _campaign,
         "out/results.csv",
+    ),
+    "campaign of the page": Writer(
+        "app clips", _clips, "clips/results/results.csv", _campaign_of_the_page
     ),
     "calibrate": Writer("calibrate a.mp4 --yes --fps 600 --ball jokku --out setup.toml", _sample),
     "calibrate board": Writer("calibrate board --pdf o.pdf", dict),
@@ -209,7 +226,8 @@ def _started(writer: Writer, inputs: dict[str, bytes], folder: Path) -> int:
     for name, data in inputs.items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_bytes(data)
-    return start(tuple(writer.arguments.split()), folder, folder.with_suffix(".said"))
+    arguments = tuple(writer.arguments.split())
+    return start(arguments, folder, folder.with_suffix(".said"), writer.run)
 
 
 def _run(writer: Writer, inputs: dict[str, bytes], folder: Path) -> float:

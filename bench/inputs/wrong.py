@@ -28,6 +28,7 @@ from vision.following import follow
 __all__ = ["differences_of", "mistakes_of", "outcome", "scene_of"]
 
 RATE_FACTORS, BALL_FACTORS, GRID_FACTORS = (0.1, 0.5, 2.0), (0.5, 1.22, 3.14159), (0.8, 0.5, 2.0)
+TAPE_FACTORS = (0.65, 0.5)
 """Stated over true values: what people enter."""
 
 
@@ -92,6 +93,10 @@ def mistakes_of(facts: SceneFacts) -> Iterator[tuple[str, float, SceneFacts]]:
         for factor in GRID_FACTORS:
             grid = replace(facts.grid, pitch_m=factor * facts.grid.pitch_m)
             yield "grid", factor, replace(facts, grid=grid)
+    if facts.grid is not None and facts.camera_distance and facts.plane_offset:
+        for factor in TAPE_FACTORS:
+            tape = (factor * facts.camera_distance[0], facts.camera_distance[1])
+            yield "ratio", factor, replace(facts, camera_distance=tape)
 
 
 def outcome(key: str, facts: SceneFacts) -> str:
@@ -100,7 +105,8 @@ def outcome(key: str, facts: SceneFacts) -> str:
     if not found:
         return "right" if not key else "nothing"
     one = found[0]
-    option = {"rate": "--fps", "ball": "--ball", "grid": "--wall-grid", "": "none"}[key]
+    options = {"rate": "--fps", "ball": "--ball", "grid": "--wall-grid", "": "none"}
+    option = options.get(key, "distance_to_wall")
     if one.key == "several":
         return "unresolved"
     if "One change" in one.sentence:

@@ -46,6 +46,7 @@ def clip_facts(followed: "FollowedClip", grid: WallGrid | None) -> SceneFacts:
         scale=followed.scale_m_per_px,
         grid=grid,
         pitch_stated=wall.grid is not None,
+        pitch_relative_std=inputs.rig.grid_pitch.relative_std,
         camera_distance=camera.distance_to_wall,
         plane_offset=wall.ball_plane_offset,
         drag=inputs.drag_per_metre,

@@ -37,8 +37,10 @@ scale or ball that is wrong by more than the linear equations can say)."""
 _SLOW_STD_PX = 0.05
 """Std of slowly varying errors of a track, px (source: `calib.solve`, recordings with truth)."""
 
-_WALL_STD = 0.01
-"""Relative std of the wall's local scale at the ball (fitted: likewise)."""
+_WALL_STD, _WALL_STD_PER_TANGENT = 0.003, 0.06
+"""Relative std of the wall's local scale at the ball: of lines in the picture (chosen: `calib`
+finds them to 0.1 %, lenses bend by some tenths), and per tangent of the angle between the optical
+axis and the wall's normal (fitted: training/fit_wall_scale.py, drawn cameras)."""
 
 _RATIO_BOUNDS = (0.6, 1.0)
 """Distance of the ball's plane from the camera over that of the wall, where it was not measured
@@ -96,6 +98,7 @@ class SceneFacts:
     grid : WallGrid or None
     pitch_stated : bool
         False if its pitch is assumed.
+    pitch_relative_std : float
     camera_distance, plane_offset : tuple of float or None
         With their std, m.
     drag : tuple of float or None
@@ -111,6 +114,7 @@ class SceneFacts:
     scale: tuple[float, float] | None = None
     grid: WallGrid | None = None
     pitch_stated: bool = True
+    pitch_relative_std: float = Defaults.GRID_PITCH.std
     camera_distance: tuple[float, float] | None = None
     plane_offset: tuple[float, float] | None = None
     drag: tuple[float, float] | None = None
@@ -271,26 +275,27 @@ def equations_of(facts: SceneFacts) -> tuple[list[Input], list[Relation]]:
             Relation("the ball's outline", {"scale": 1.0, "ball": -1.0}, 1.0 / wide, std)
         )
     if facts.grid is not None and len(facts.centre_px):
-        inputs.append(Input("grid", facts.grid.pitch_m, 0.005))
+        inputs.append(Input("grid", facts.grid.pitch_m, facts.pitch_relative_std))
         inputs.append(_plane_ratio(facts))
         middle = np.median(facts.centre_px, axis=0)
         period = 1.0 / np.linalg.norm(facts.grid.map.jacobian(middle), axis=-1)
+        tangent = math.sqrt(_axis_over_normal(facts.grid)[0] ** 2 - 1.0)
         relations.append(
             Relation(
                 "the grid",
                 {"scale": 1.0, "grid": -1.0, "ratio": -1.0},
                 1.0 / float(np.sqrt(np.prod(period))),
-                _WALL_STD,
+                math.hypot(_WALL_STD, _WALL_STD_PER_TANGENT * tangent),
             )
         )
     if fall is not None:
         size = float(np.hypot(*fall.acceleration))
-        slowed, slowed_std, metres = _drag_fraction(facts, fall)
         # another scale or ball slows it otherwise: to first order, a power of each
+        slowed, slowed_std, metres, diameter = _drag_fraction(facts, fall)
         powers, known = {"scale": 1.0 + slowed, "rate": 2.0}, metres**slowed
-        if facts.ball is not None and facts.radius_px is not None:
+        if diameter is not None:
             powers["ball"] = 2.0 * slowed
-            known *= facts.ball[0] ** (2.0 * slowed)
+            known *= diameter ** (2.0 * slowed)
         half = 0.5 * float(facts.frame[fall.last] - facts.frame[fall.first])
         slow = 2.0 * _SLOW_STD_PX / half**2
         relations.append(
@@ -304,32 +309,42 @@ def equations_of(facts: SceneFacts) -> tuple[list[Input], list[Relation]]:
     return inputs, relations
 
 
-def _drag_fraction(facts: SceneFacts, fall: Fall) -> tuple[float, float, float]:
-    """Fraction of g by which the air slows a fall, its std, and the m/px at which it does.
+def _drag_fraction(facts: SceneFacts, fall: Fall) -> tuple[float, float, float, float | None]:
+    """Fraction of g by which the air slows a fall, its std, and the m/px and ball at which it does.
 
     The fraction is negative for a rising ball.
     """
-    if facts.drag is None:
-        return 0.0, 0.0, 1.0
     rows = slice(fall.first, fall.last + 1)
+    down = float(fall.acceleration[1])
+    wide = None if facts.radius_px is None else 2.0 * float(np.median(facts.radius_px[rows]))
+    # by the ball's outline or the stated scale, and by the fall itself
+    points: list[tuple[float, float | None]] = []
+    if facts.ball is not None and wide is not None:
+        points.append((facts.ball[0] / wide, facts.ball[0]))
+    elif facts.scale is not None:
+        points.append((facts.scale[0], None))
+    if facts.rate is not None:
+        metres = Defaults.GRAVITY.known / down / facts.rate[0] ** 2
+        points.append((metres, None if wide is None or facts.ball is None else wide * metres))
+    if facts.drag is None or not points:
+        return 0.0, 0.0, 1.0, None
+
+    def pull(point: tuple[float, float | None]) -> float:
+        metres, diameter = point
+        if facts.ball is None or diameter is None:
+            return metres
+        return metres * (diameter / facts.ball[0]) ** 2
+
+    # a wrong rate or ball exaggerates one of them
+    metres, diameter = min(points, key=pull)
     frame, place = facts.frame[rows], facts.centre_px[rows]
     slope = np.polyfit(frame, place, 2)
     velocity = 2.0 * slope[0] * frame[:, np.newaxis] + slope[1]
     squared = float(np.mean(np.hypot(*velocity.T) * velocity[:, 1]))
-    # in metres by the ball's outline, the stated scale, or the fall itself
-    metres = None
-    if facts.ball is not None and facts.radius_px is not None:
-        metres = 0.5 * facts.ball[0] / float(np.median(facts.radius_px[rows]))
-    elif facts.scale is not None:
-        metres = facts.scale[0]
-    elif facts.rate is not None:
-        metres = Defaults.GRAVITY.known / float(fall.acceleration[1]) / facts.rate[0] ** 2
-    if metres is None:
-        return 0.0, 0.0, 1.0
     # over the fall seen, in px and pictures: neither the rate nor seconds are needed
-    per_px = metres / float(fall.acceleration[1]) * squared
+    per_px = pull((metres, diameter)) / down * squared
     whole = 1.0 + max(facts.drag[0] * per_px, _MAX_RISING_DRAG - 1.0)
-    return (whole - 1.0) / whole, facts.drag[1] * abs(per_px) / whole**2, metres
+    return (whole - 1.0) / whole, facts.drag[1] * abs(per_px) / whole**2, metres, diameter
 
 
 def _plane_ratio(facts: SceneFacts) -> Input:
