@@ -77,15 +77,17 @@ def external_of(measured: ClipMeasurement, path: Path, clip: Path | None) -> Ext
         Output path; the clip's path is written relative to it.
     clip : Path or None
     """
-    table = tracks_as_frame(measured)
+    table, info = tracks_as_frame(measured), measured.info
+    # other programs show the file's frames: its repeats, and both fields in one
+    table["shown"] = info.frames_in_file(table["frame"].to_numpy(np.int64))
     tracks = tuple(
         ExternalTrack(
             name=str(name),
-            frame=rows["frame"].to_numpy(np.int64),
+            frame=rows["shown"].to_numpy(np.int64),
             px=rows[["x_px", "y_px"]].to_numpy(float),
             time_s=rows["t_s"].to_numpy(float),
         )
-        for name, rows in table.groupby("object", sort=False)
+        for name, rows in table.drop_duplicates(["object", "shown"]).groupby("object", sort=False)
     )
     ball = table[table["object"] == "ball"].dropna(subset=["x_m", "y_m"])
     plane = None
@@ -98,8 +100,8 @@ def external_of(measured: ClipMeasurement, path: Path, clip: Path | None) -> Ext
         path=path,
         program=Program.IMPACT_VISION,
         tracks=tracks,
-        size=(measured.info.width, measured.info.height),
-        fps=measured.rate.fps,
+        size=(info.width, info.height),
+        fps=measured.rate.fps * info.frames_per_picture,
         plane=plane,
         clip=named,
     )
@@ -310,7 +312,12 @@ def measure_from_tracks(
             hint="Mark the object in more pictures.",
         )
     inputs = gather_inputs(options.setup, options.ball, options.wall_grid)
-    filmed = _of_clip(clip, external) if clip is not None else _without_clip(external)
+    if clip is None:
+        filmed = _without_clip(external)
+    else:
+        opened = ClipReader.open(clip, whole=True)
+        external = _in_clip(external, opened.info)
+        filmed = _of_clip(opened, external)
     camera = options.setup.camera
     rate = choose_capture_rate(
         filmed.info,
@@ -346,9 +353,26 @@ def _scale(
     return (per_px, per_px * std), (said,)
 
 
-def _of_clip(path: Path, external: ExternalTracks) -> _Filmed:
+def _in_clip(external: ExternalTracks, info: ClipInfo) -> ExternalTracks:
+    """Tracks with the frames of a clip; other programs count those of its file."""
+    if external.program is Program.IMPACT_VISION or info.frames_per_picture == 1.0:
+        return external
+    tracks = []
+    for track in external.tracks:
+        frame, first = np.unique(info.frames_of_file(track.frame), return_index=True)
+        rows = first[frame >= 0]
+        given = {name: getattr(track, name) for name in ("time_s", "std_px", "radius_px")}
+        kept = {name: None if one is None else one[rows] for name, one in given.items()}
+        tracks.append(
+            replace(track, frame=frame[frame >= 0], px=track.px[rows], **kept)  # type: ignore[arg-type]
+        )
+    fps = None if external.fps is None else external.fps / info.frames_per_picture
+    return replace(external, tracks=tuple(tracks), fps=fps)
+
+
+def _of_clip(clip: ClipReader, external: ExternalTracks) -> _Filmed:
     # other programs mark the pixels of the file
-    clip = ClipReader.open(path, whole=True)
+    path = clip.info.path
     last = max(int(track.frame.max()) for track in external.tracks)
     size = (clip.info.width, clip.info.height)
     if external.size is not None and external.size != size:

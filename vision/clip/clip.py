@@ -807,6 +807,7 @@ def open_video(
         variable_rate=times.variable,
         warnings=tuple(_file_warnings(video) + notes),
         times_shown=shown,
+        first_shown=source.shift if isinstance(source, DistinctPictures) else Fraction(0),
     )
     return source, info, upright
 
@@ -934,6 +935,7 @@ def _without_repeats(folder: _Images) -> tuple[_Images | DistinctPictures, ClipI
         container_fps=folder.info.container_fps / float(source.times),
         duration_s=float(source.times_s[-1]),
         times_shown=source.times,
+        first_shown=source.shift,
         warnings=(*folder.info.warnings, *notes),
     )
     return source, info

@@ -1,6 +1,7 @@
 """Clip properties; conversion of decoded pictures to upright images."""
 
 import io
+import math
 import threading
 import warnings
 from dataclasses import dataclass
@@ -95,6 +96,8 @@ class ClipInfo:
         Warnings about the file, in whole sentences.
     times_shown : Fraction
         Frames of the file per picture; the frames are the pictures, each once.
+    first_shown : Fraction
+        Place of the first picture in the file, in frames; it is shown from the next frame on.
     every : int
         Only every n-th picture is read.
     """
@@ -115,7 +118,30 @@ class ClipInfo:
     variable_rate: bool
     warnings: tuple[str, ...] = ()
     times_shown: Fraction = Fraction(1)
+    first_shown: Fraction = Fraction(0)
     every: int = 1
+
+    @property
+    def frames_per_picture(self) -> float:
+        """Frames of the file per frame that is read at full rate."""
+        return float(self.times_shown) / (2.0 if self.interlaced else 1.0)
+
+    def frames_in_file(self, frames: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Numbers in the file, from 0, of frames; of two fields that of their picture."""
+        fields = 2 if self.interlaced else 1
+        step = self.every * self.times_shown
+        return np.array(
+            [math.ceil(self.first_shown + int(n) // fields * step) for n in frames], np.int64
+        )
+
+    def frames_of_file(self, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Inverse of `frames_in_file`; -1 before the first frame."""
+        fields = 2 if self.interlaced else 1
+        step = self.every * self.times_shown
+        return np.array(
+            [max(-1, fields * math.floor((int(n) - self.first_shown) / step)) for n in numbers],
+            np.int64,
+        )
 
     @property
     def interlaced(self) -> bool:

@@ -207,6 +207,11 @@ class DistinctPictures:
         return self._repeats.times
 
     @property
+    def shift(self) -> Fraction:
+        """Place of the first picture, in frames of the source."""
+        return self._repeats.shift
+
+    @property
     def damaged(self) -> int:
         """Pictures that could not be decoded."""
         return int(getattr(self._source, "damaged", 0))

@@ -13,8 +13,16 @@ import pytest
 
 from metrology import UsageError
 from pipelines.interop.external import ExternalTrack, ExternalTracks, PlaneOfMotion, Program
-from pipelines.interop.measured import measure_from_tracks, read_tracks, track_table, write_tracks
+from pipelines.interop.measured import (
+    external_of,
+    measure_from_tracks,
+    read_tracks,
+    track_table,
+    write_tracks,
+)
 from pipelines.interop.tables import parse_columns
+from pipelines.measure.chain import MeasureOptions, measure_clip
+from tests.vision.clip.written_clips import scene, write_clip
 
 SHARED = Path(os.environ.get("IMPACT_VISION_SHARED", "../shared")) / "clips"
 
@@ -320,3 +328,18 @@ def test_a_table_whose_y_points_down_is_turned_over(tmp_path) -> None:
     said = " ".join(measure_from_tracks(path, measure_options(fps="240")).warnings)
     assert "y is taken as pointing down and turned over" in said
     assert "check --fps" not in said
+
+
+@pytest.mark.parametrize(("shown", "rate"), [(25, 50), (24, 60)])
+def test_marks_count_the_frames_of_a_file_that_repeats_pictures(tmp_path, shown, rate) -> None:
+    falling = [scene(150.0, 25.0 + 0.11 * k**2, size=(320, 240)) for k in range(40)]
+    frames = [falling[k * shown // rate] for k in range(len(falling) * rate // shown)]
+    clip = write_clip(tmp_path / "r.mp4", frames, rate=rate, options={"crf": "12"})
+    measured = measure_clip(clip, MeasureOptions(fps=float(shown), cache=False))
+    path = tmp_path / "r.trk"
+    write_tracks(path, external_of(measured, path, clip))
+    marks = read_tracks(path).tracks[0].frame
+    found = measured.tracks.ball.frame
+    assert np.array_equal(marks * shown // rate, found)
+    again = measure_from_tracks(path, MeasureOptions(fps=float(shown)), clip=clip)
+    assert np.array_equal(again.tracks.ball.frame, found)
