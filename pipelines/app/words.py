@@ -26,8 +26,6 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "pages": ("Pages", "Seiten"),
     "language": ("Language", "Sprache"),
     "dark": ("Dark", "Dunkel"),
-    "no_clip": ("No clip is open.", "Keine Aufnahme ist geöffnet."),
-    "opening": ("Opening the clip …", "Die Aufnahme wird geöffnet …"),
     "measuring": ("Measuring: {step}", "Messung: {step}"),
     "facts": (
         "{width} × {height} px, {frames} frames, {rate}",

@@ -20,7 +20,12 @@ from metrology.measurands import Given, Measurand
 from physics.bodies import BALLS
 from pipelines.calibrate.corners import WallSource
 from pipelines.measure.inputs import Inputs, gather_inputs
-from pipelines.setup.file import Setup, ball_from_option, setup_from_document
+from pipelines.setup.file import (
+    SIZE_AND_MASS,
+    Setup,
+    ball_from_option,
+    setup_from_document,
+)
 from vision.clip.clip import ClipReader
 from vision.clip.footage import CaptureRate, choose_capture_rate
 from vision.clip.picture import ClipInfo, decoded_image
@@ -232,15 +237,12 @@ class Option:
 
 def _ball(answers: Answers, text: str, option: str) -> Document:
     emptied = _with(answers.document, "ball", preset=None, diameter=None, mass=None)
-    size, _, weight = text.partition(",")
     if not text:
         return emptied
-    ball = ball_from_option(size.strip())
-    if weight.strip():
-        read_given(weight.strip(), measurands.BALL_MASS, f"{option}, mass")
-    named = ball.name in BALLS and size.strip() == ball.name
-    key = "preset" if named else "diameter"
-    return _with(emptied, "ball", **{key: size.strip(), "mass": weight.strip() or None})
+    ball, both = ball_from_option(text), SIZE_AND_MASS.fullmatch(text)
+    size, weight = (both["size"].strip(), both["mass"]) if both else (text.strip(), None)
+    key = "preset" if size == ball.name and size in BALLS else "diameter"
+    return _with(emptied, "ball", **{key: size, "mass": weight})
 
 
 def _ball_text(answers: Answers) -> str:
