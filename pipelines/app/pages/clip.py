@@ -19,6 +19,7 @@ from pipelines.app.words import Say, hint_of, label_of, on_page
 from pipelines.measure.measurement import Axes
 from pipelines.setup.file import SIZE_AND_MASS
 from pipelines.web import Jobs
+from vision.tracks import MotionKind
 
 __all__ = ["ClipPage", "copy_card", "job_status", "standing_text"]
 
@@ -395,7 +396,13 @@ class ClipPage:
     def _show_points(self) -> None:
         points = [FramePoint(key, x, y, "", "end0") for key, (x, y) in self._ends.items()]
         points += self._axes_points()
-        found = self.clip.marks()
+        found, measured = self.clip.marks(), self.clip.measured
+        struck = measured is not None and measured.motion.measured_as is MotionKind.STRIKE
+        swung = measured is not None and measured.tracks.pendulum is not None
+        # what contradicts the motion must stay visible to be taken back
+        for key, offered in (("landing", struck), ("pivot", swung)):
+            placed = getattr(self.clip.corrections, key) is not None
+            self._frame.offer(key, offered=offered or placed)
         for key, label in (("pivot", "pivot"), ("landing", "point_landing")):
             at = getattr(self.clip.corrections, key) or found[key]
             if at is not None:

@@ -88,6 +88,10 @@ class ClipFrame:
         button.props(f"outline dense aria-pressed=false data-test=point-{kind}")
         self._buttons[kind] = button
 
+    def offer(self, kind: str, *, offered: bool) -> None:
+        """Show or hide the button of a point."""
+        self._buttons[kind].set_visibility(offered)
+
     def point(self, kind: str, *, shown_as: str = "") -> None:
         """Select a place for this kind next; again, or with "", none."""
         self.mode = "" if kind == self.mode else kind

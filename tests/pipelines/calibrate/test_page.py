@@ -17,6 +17,7 @@ from pipelines.setup.file import load_setup
 from tests.calib.synthetic import rendered
 from tests.pipelines.calibrate.wizard_page import (
     CLIP,
+    WAIT_MS,
     chromium,
     fill,
     on_picture,
@@ -224,6 +225,7 @@ def test_reloading_loses_nothing_and_a_second_tab_is_refused(
         page.reload()
         page.wait_for_selector("[data-test=camera_distance]")
         second = context.new_page()
+        second.set_default_timeout(WAIT_MS)
         refused = second.goto(running.home)
         assert refused.status == 409
         says(second, "body", "another window")
