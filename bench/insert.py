@@ -71,6 +71,7 @@ def values() -> dict[str, Callable[[], str]]:
         known[f"model.{name}"] = partial(_table, head, rows)
     known |= _evidence(read_results("evidence.json"))
     known["kills"] = lambda: _kills_text(read_results("kills.json"))
+    known["everywhere"] = lambda: _everywhere_text(read_results("everywhere.json"))
     known["hostile"] = lambda: _hostile_text(read_results("hostile.json"))
     known["inputs"] = lambda: _inputs_text(read_results("inputs.json"))
     known["page"] = lambda: _page_text(read_results("page.json"))
@@ -158,9 +159,14 @@ def _inputs_text(found: Record) -> str:
     """Outcomes of inputs as people hand them in."""
     verdicts = ("right", "explained", "misdiagnosed", "wrong", "crash")
     counts = {one: [*found.values()].count(one) for one in verdicts}
-    named = "; ".join(name for name, verdict in found.items() if verdict != "right")
+    failed = [name for name, verdict in found.items() if verdict not in ("right", "explained")]
     listed = ", ".join(f"{count} {one}" for one, count in counts.items())
-    return f"of {len(found)} inputs {listed} (not right: {named})"
+    return f"of {len(found)} inputs {listed}" + (f" ({'; '.join(failed)})" if failed else "")
+
+
+def _everywhere_text(found: Record) -> str:
+    """Answers of commands, page and Python about the same wrong inputs."""
+    return f"{found['same']} of {found['asked']} answers agree on cause and cure"
 
 
 def _acceptance_table(found: Record, head: tuple[str, str]) -> str:

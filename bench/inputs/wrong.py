@@ -122,10 +122,11 @@ def differences_of(facts: SceneFacts) -> dict[str, tuple[float, float]]:
     for relation in relations:
         others = {key: power for key, power in relation.powers.items() if key != "scale"}
         if others.keys() <= known.keys():
+            power = relation.powers["scale"]
             log = math.log(relation.value)
-            log -= sum(power * math.log(known[key].value) for key, power in others.items())
-            terms = [power * known[key].relative_std for key, power in others.items()]
-            scales[relation.name] = (log, math.hypot(relation.relative_std, *terms))
+            log -= sum(each * math.log(known[key].value) for key, each in others.items())
+            terms = [each * known[key].relative_std for key, each in others.items()]
+            scales[relation.name] = (log / power, math.hypot(relation.relative_std, *terms) / power)
     return {
         f"{one} / {other}": (
             scales[one][0] - scales[other][0],
