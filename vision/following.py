@@ -1,5 +1,6 @@
 """From a clip to tracks without a click: find, link, select, fit, interpret; data flows forward."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -12,9 +13,12 @@ from metrology import NotFoundError
 from metrology.kept import KeptResults
 from vision.ball.appearance import extended_by_appearance
 from vision.ball.ball import NEAR_RADII, BallFits, follow_ball, outlines_near, trusted_rows
+from vision.ball.outline import nothing_found
 from vision.ball.path import BallPath
 from vision.ball.refine import refine_ball
+from vision.blow import blow_weights
 from vision.clip.footage import Footage
+from vision.finding.bodies import rigid_bodies
 from vision.finding.detection import detect, searched_frames, with_small
 from vision.finding.linking import MIN_FOUND_ROWS, Tracklet, link
 from vision.finding.selection import FoundObjects, comes_to, select
@@ -39,7 +43,7 @@ if TYPE_CHECKING:
     from vision.clip.clip import ClipReader
     from vision.stages import GivenObjects
 
-__all__ = ["follow"]
+__all__ = ["MAX_LOOKS", "LookedAtObject", "find_objects", "follow", "look_at", "track_of"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -192,7 +196,7 @@ def _leap_in(scene: FilmedScene, lost: LostFrames, ball: Track) -> LostFrames:
     return replace(lost, after=lost.after + int(np.argmax(change)))
 
 
-def _find(
+def find_objects(
     scene: FilmedScene, at: tuple[float, float, int | None] | None, given: "GivenObjects | None"
 ) -> FoundObjects | None:
     """Detect, link and select; None where surely nothing is found."""
@@ -206,6 +210,9 @@ def _find(
         # a small object shows better at a higher resolution
         seen = with_small(scene, seen)
         tracklets = link(seen, frames, scene.shape)
+        selection = select(tracklets, len(frames), scene.shape)
+    if given is None and selection.probability.max(initial=0.0) < _LIKELY_OBJECT:
+        tracklets = [*tracklets, *rigid_bodies(scene, frames)]
         selection = select(tracklets, len(frames), scene.shape)
     if not tracklets:
         return None
@@ -319,37 +326,27 @@ def _followed_in(
     scene = kept.once("scene", id(footage), lambda: FilmedScene(footage)).anew()
     _tell(progress, 0.2)
     own = None if given is None else given.in_footage(footage)
-    found = _find(scene, _located(ball_at, footage), own)
+    found = find_objects(scene, _located(ball_at, footage), own)
     if found is None:
         raise _no_ball(ball_at)
-    path = _path_of(found.ball)
-    picture, rough = _fit(scene, path, np.median(found.ball.seen.contrast, axis=0))
-    if len(rough) < MIN_FOUND_ROWS:
-        raise _no_ball(ball_at)
-    rough = extended_by_appearance(picture, rough)
-    _tell(progress, 0.6)
-    rest = find_rest(rough.frame, rough.centre, float(np.median(rough.radius)))
-    striker = None
-    came = None
-    if rest is not None:
-        rough = rough.at(rough.frame >= rest.first)
-        came = _came(found, rest)
-        striker = _striker(scene, rest, rough, mass_at, kept)
-        if came is not None and striker is not None:
-            swung = mass_at is not None or striker.surely_struck
-            swung = swung and not _came_straight(came, rest, striker)
-            came, striker = (None, striker) if swung else (came, None)
+    _tell(progress, 0.4)
+    found, seen = _most_probable(scene, found, ball_at, mass_at, kept)
+    scene, picture, rough, rest = seen.scene, seen.picture, seen.rough, seen.rest
+    came, striker = seen.came, seen.striker
     _tell(progress, 0.8)
     fits = rough
-    if picture is scene:
+    outlined = found.ball.corner_std_px is None
+    if picture is scene and outlined:
         fits = refine_ball(scene, rough, None if striker is None else striker.mass.hides)
     _tell(progress, 1.0)
-    ball = _track(fits, capture_fps)
+    ball = track_of(fits, capture_fps)
     rest_frames = None if rest is None else _still_until(rest, fits)
     others = _others(scene, found, came, capture_fps)
     beside = others[0].track if came is not None else None
     pendulum = _pendulum(striker, rest, capture_fps)
-    motion = interpret_tracks(ball, pendulum, beside, kind, kept).of_object(found.probability)
+    struck = striker is not None and striker.surely_struck
+    motion = interpret_tracks(ball, pendulum, beside, kind, kept, struck=struck)
+    motion = motion.of_object(found.probability)
     if motion.kind is MotionKind.SWING:
         rest_frames = None
     unmet = motion.kind in (MotionKind.NONE, MotionKind.SWING) and mass_at is None
@@ -373,8 +370,104 @@ def _followed_in(
         reasons=_reasons(found),
         found=found,
     )
-    seen_at = fits if picture is not scene else _with_gaps(scene, fits)
-    return tracks, scene, _track(seen_at, capture_fps)
+    seen_at = fits if picture is not scene or not outlined else _with_gaps(scene, fits)
+    return tracks, scene, track_of(seen_at, capture_fps)
+
+
+@dataclass(frozen=True)
+class LookedAtObject:
+    """An object in rough outlines, where it rested, and what met or struck it there.
+
+    Attributes
+    ----------
+    scene : FilmedScene
+        Of which what is behind this object is known.
+    picture : FilmedScene
+        In which its outline shows best.
+    rough : BallFits
+    rest : Rest or None
+    came : Tracklet or None
+    striker : Striker or None
+    """
+
+    scene: FilmedScene
+    picture: FilmedScene
+    rough: BallFits
+    rest: Rest | None
+    came: Tracklet | None
+    striker: Striker | None
+
+    @property
+    def surely_struck(self) -> bool:
+        """Whether a pendulum surely struck it."""
+        return self.striker is not None and self.striker.surely_struck
+
+
+def _most_probable(
+    scene: FilmedScene,
+    found: FoundObjects,
+    ball_at: Point | None,
+    mass_at: Point | None,
+    kept: KeptResults,
+) -> tuple[FoundObjects, LookedAtObject]:
+    """The object that is measured: rivals are looked at that would be if they were struck."""
+    seen: dict[int, LookedAtObject] = {}
+    worth: dict[int, float] = {}
+    gain = math.exp(blow_weights().choice)
+    for place in [found.chosen] if found.pointed else found.selection.order[:MAX_LOOKS].tolist():
+        share = float(found.selection.probability[place])
+        if max(worth.values(), default=0.0) >= share * gain:
+            break
+        one = look_at(scene.anew(), replace(found, chosen=place), mass_at, kept)
+        if one is not None:
+            seen[place], worth[place] = one, share * (gain if one.surely_struck else 1.0)
+    if not seen:
+        raise _no_ball(ball_at)
+    struck = [place for place, one in seen.items() if one.surely_struck]
+    selection = found.selection.after_looks(struck)
+    chosen = max(worth, key=lambda place: worth[place])
+    return replace(found, selection=selection, chosen=chosen), seen[chosen]
+
+
+MAX_LOOKS = 6
+"""Objects of which it is seen whether one was struck. Given by the budget."""
+
+
+def look_at(
+    scene: FilmedScene, found: FoundObjects, mass_at: Point | None, kept: KeptResults
+) -> LookedAtObject | None:
+    """Fit the chosen object roughly and find what struck it; None where it has no outline."""
+    if found.ball.corner_std_px is None:
+        contrast = np.median(found.ball.seen.contrast, axis=0)
+        picture, rough = _fit(scene, _path_of(found.ball), contrast)
+        if len(rough) < MIN_FOUND_ROWS:
+            return None
+        rough = extended_by_appearance(picture, rough)
+    else:
+        picture, rough = scene, by_corners(found.ball, found.ball.corner_std_px)
+    rest = find_rest(rough.frame, rough.centre, float(np.median(rough.radius)))
+    if rest is None:
+        return LookedAtObject(scene, picture, rough, None, None, None)
+    rough = rough.at(rough.frame >= rest.first)
+    came = _came(found, rest)
+    striker = _striker(scene, rest, rough, mass_at, kept)
+    if came is not None and striker is not None:
+        swung = mass_at is not None or striker.surely_struck
+        swung = swung and not _came_straight(came, rest, striker)
+        came, striker = (None, striker) if swung else (came, None)
+    return LookedAtObject(scene, picture, rough, rest, came, striker)
+
+
+def by_corners(body: Tracklet, std_px: float) -> BallFits:
+    """Places of a body of any shape in place of outlines; it has no radius to measure by."""
+    fits = nothing_found(len(body))
+    fits.found[:] = True
+    fits.centre[:] = body.centre_px
+    fits.radius[:] = body.seen.radius_px
+    fits.covariance[:] = std_px**2 * np.eye(2)
+    fits.bound[:] = fits.covariance / 9.0
+    fits.rms_residual[:], fits.contrast[:] = 1.0, body.seen.coverage
+    return BallFits(body.frame, fits, frozenset(body.frame.tolist()))
 
 
 def _with_gaps(scene: FilmedScene, fits: BallFits) -> BallFits:
@@ -483,7 +576,8 @@ def _no_ball(ball_at: Point | None) -> NotFoundError:
     )
 
 
-def _track(fits: BallFits, fps: float) -> Track:
+def track_of(fits: BallFits, fps: float) -> Track:
+    """Outlines as a track, at a rate."""
     covariance = fits.fits.covariance
     return Track(
         frame=fits.frame,
@@ -530,7 +624,7 @@ def _others(
     if came is not None:
         fits = trusted_rows(follow_ball(scene, _path_of(came)))
         met = ("It came to the ball at rest and met it.",)
-        track = _track(fits, fps) if len(fits) >= MIN_FOUND_ROWS else _tracklet_track(came, fps)
+        track = track_of(fits, fps) if len(fits) >= MIN_FOUND_ROWS else _tracklet_track(came, fps)
         objects.append(FollowedObject(track, MotionModel.ROLL, met))
     for other in found.rivals:
         if other is came or not _an_object(found, other):
@@ -542,6 +636,9 @@ def _others(
 
 _SURE_OBJECT = 0.9
 """Probability from which a choice is sure. Convention."""
+
+_LIKELY_OBJECT = 0.5
+"""Probability below which nothing round is likely to be what is measured. Convention."""
 
 _OTHER_OBJECT = 0.99
 """Probability alone from which another object is listed. Convention: a clip with a ball has some

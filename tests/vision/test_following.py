@@ -90,6 +90,19 @@ def test_the_pendulum_swings_about_its_pivot(struck: tuple[Tracks, np.ndarray, n
     assert np.std(gap) < 0.004
 
 
+def test_what_was_struck_is_measured_though_a_larger_ball_rolls_past() -> None:
+    clip, centres, _ = struck_ball()
+    pictures = []
+    for index, picture in enumerate(clip.pictures):
+        part = cover(120, 240, (230.0 - 2.0 * index, 20.0), 18.0)
+        pictures.append((picture * (1.0 - part)).astype(np.uint8))
+    tracks = follow(PaintedClip(pictures), 600.0)  # type: ignore[arg-type]
+    flight = tracks.ball.frame > 45
+    away = np.hypot(*(tracks.ball.centre_px - centres[tracks.ball.frame]).T)
+    assert np.median(away[flight]) < 0.3
+    assert tracks.motion.kind is MotionKind.STRIKE
+
+
 def test_flicker_is_no_obstacle() -> None:
     clip, centres, _ = struck_ball(70, noise=3.0, flicker=0.15)
     ball = follow(clip, 600.0).ball  # type: ignore[arg-type]

@@ -617,6 +617,13 @@ def _looks(
         looks[place, 7] = light
 
 
+def looked_like(picture: ColourImage, known: Backgrounds, circles: FloatArray) -> FloatArray:
+    """Contrast (3), colour (3), evenness and light of what circles of a picture hold (n, 8)."""
+    looks = np.empty((len(circles), 8))
+    _looks(picture, known.pictures, circles, known.noise, looks)
+    return looks
+
+
 def detect(scene: "FilmedScene") -> Detections:
     """Find round objects in every frame searched.
 
@@ -668,8 +675,7 @@ def _detected(scene: "FilmedScene", wanted: IntArray, width: int, *, small: bool
         else:
             edged, whole = _both(_smoothed(halves[index].astype(np.float32)), half_known, radii)
             circles = _together(*_both(smooth, known, radii, edged, whole))
-        looks = np.empty((len(circles), 8))
-        _looks(picture, known.pictures, circles, known.noise, looks)
+        looks = looked_like(picture, known, circles)
         rows.append(np.column_stack([np.full(len(circles), float(frame)), circles, looks]))
     return _table(np.concatenate(rows), scale)
 

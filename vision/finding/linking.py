@@ -104,10 +104,13 @@ class Tracklet:
         Its rows.
     log_odds : float
         Log odds by which it is more probable as one object than as false detections.
+    corner_std_px : float or None
+        Of its places, where these are of corners that move together and no outline is sought.
     """
 
     seen: Detections
     log_odds: float
+    corner_std_px: float | None = None
 
     @property
     def frame(self) -> IntArray:
@@ -130,7 +133,8 @@ class Tracklet:
     def where(self, keep: NDArray[np.bool_] | IntArray) -> "Tracklet":
         """Some of the rows, with their share of the log odds."""
         seen = self.seen.at(keep)
-        return Tracklet(seen, self.log_odds * len(seen) / max(len(self.seen), 1))
+        odds = self.log_odds * len(seen) / max(len(self.seen), 1)
+        return Tracklet(seen, odds, self.corner_std_px)
 
     def then(self, tail: "Tracklet") -> "Tracklet":
         """These rows and those of later frames."""

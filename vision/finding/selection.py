@@ -6,6 +6,7 @@ fit on clips kept out.
 """
 
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib import resources
@@ -14,6 +15,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.blow import blow_weights
 from vision.finding.detection import Detections
 from vision.finding.linking import Tracklet
 from vision.tracks import PlaceInClip
@@ -64,6 +66,15 @@ class Selection:
     def order(self) -> NDArray[np.int64]:
         """Tracklets, most probable first."""
         return np.argsort(-self.probability, kind="stable")
+
+    def after_looks(self, struck: Iterable[int]) -> "Selection":
+        """The same where a pendulum surely struck some of the tracklets."""
+        odds = np.ones(len(self.probability))
+        odds[list(struck)] = np.exp(blow_weights().choice)
+        probability = self.probability * odds
+        whole = float(probability.sum()) + self.none
+        alone = odds * self.alone / (odds * self.alone + 1.0 - self.alone)
+        return Selection(probability / whole, self.none / whole, alone)
 
 
 @dataclass(frozen=True)

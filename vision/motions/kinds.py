@@ -15,6 +15,7 @@ from importlib import resources
 import numpy as np
 
 from metrology.kept import KeptResults
+from vision.blow import blow_weights
 from vision.motions.explanations import MIN_ROWS, Explained
 from vision.motions.features import FEATURES, MIN_TRACK_ROWS, departure_of, features_of
 from vision.motions.models import DISCREPANCY, FloatArray, Observations, Swing
@@ -109,6 +110,7 @@ def interpret(
     *,
     rolls: float = 1.0,
     hangs: bool = False,
+    struck: bool = False,
     given: MotionKind | None = None,
     kept: KeptResults | None = None,
 ) -> Interpretation:
@@ -125,7 +127,8 @@ def interpret(
         centre does not distinguish them.
     hangs : bool
         Whether the striker is known to turn about a pivot above it, so that it is no second ball.
-
+    struck : bool
+        Whether the striker surely is a pendulum that gave the ball its speed.
     given : MotionKind, optional
         The kind to explain the track as; its probability stays that of the track.
     kept : KeptResults, optional
@@ -150,6 +153,11 @@ def interpret(
     if hangs:
         shares[MotionKind.STRIKE] += shares[MotionKind.COLLISION]
         shares[MotionKind.COLLISION] = 0.0
+    if struck:
+        odds = math.exp(blow_weights().strike)
+        whole = 1.0 + (odds - 1.0) * shares[MotionKind.STRIKE]
+        shares = {kind: share / whole for kind, share in shares.items()}
+        shares[MotionKind.STRIKE] *= odds
     if departure_of(one) is None:
         # by definition what is struck or hit was at rest
         shares = _without(shares, _STRUCK)

@@ -19,6 +19,8 @@ def interpret_tracks(
     striker: Track | None = None,
     given: MotionKind | None = None,
     kept: KeptResults | None = None,
+    *,
+    struck: bool = False,
 ) -> Motion:
     """Determine what happens to a ball.
 
@@ -34,6 +36,8 @@ def interpret_tracks(
         The kind that a person states.
     kept : KeptResults, optional
         Of an earlier call for the same striker.
+    struck : bool
+        Whether the pendulum surely gave the ball its speed.
 
     Returns
     -------
@@ -44,6 +48,7 @@ def interpret_tracks(
         _observed(ball),
         None if came is None else _observed(came),
         hangs=pendulum is not None and _hangs(pendulum),
+        struck=struck,
         given=given,
         kept=kept,
     )
