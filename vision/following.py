@@ -43,7 +43,14 @@ if TYPE_CHECKING:
     from vision.clip.clip import ClipReader
     from vision.stages import GivenObjects
 
-__all__ = ["MAX_LOOKS", "LookedAtObject", "find_objects", "follow", "look_at", "track_of"]
+__all__ = [
+    "MAX_LOOKS",
+    "LookedAtObject",
+    "find_objects",
+    "follow",
+    "look_at",
+    "track_of",
+]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -340,6 +347,9 @@ def _followed_in(
         fits = refine_ball(scene, rough, None if striker is None else striker.mass.hides)
     _tell(progress, 1.0)
     ball = track_of(fits, capture_fps)
+    if not outlined:
+        # what its corners span is no ball's size
+        ball = replace(ball, radius_std_px=np.full(len(ball), np.nan))
     rest_frames = None if rest is None else _still_until(rest, fits)
     others = _others(scene, found, came, capture_fps)
     beside = others[0].track if came is not None else None
@@ -412,20 +422,23 @@ def _most_probable(
 ) -> tuple[FoundObjects, LookedAtObject]:
     """The object that is measured: rivals are looked at that would be if they were struck."""
     seen: dict[int, LookedAtObject] = {}
-    worth: dict[int, float] = {}
-    gain = math.exp(blow_weights().choice)
+    selection, gain = found.selection, math.exp(blow_weights().choice)
     for place in [found.chosen] if found.pointed else found.selection.order[:MAX_LOOKS].tolist():
-        share = float(found.selection.probability[place])
-        if max(worth.values(), default=0.0) >= share * gain:
+        share = selection.probability
+        if max((share[one] for one in seen), default=0.0) >= share[place] * gain:
             break
         one = look_at(scene.anew(), replace(found, chosen=place), mass_at, kept)
         if one is not None:
-            seen[place], worth[place] = one, share * (gain if one.surely_struck else 1.0)
+            seen[place] = one
+            struck = [own for own, other in seen.items() if other.surely_struck]
+            selection = found.selection.after_looks(struck)
     if not seen:
         raise _no_ball(ball_at)
-    struck = [place for place, one in seen.items() if one.surely_struck]
-    selection = found.selection.after_looks(struck)
-    chosen = max(worth, key=lambda place: worth[place])
+    for place, one in seen.items():
+        came = [k for k, other in enumerate(found.tracklets) if other is one.came]
+        if came and not found.pointed:
+            selection = selection.where_it_met(place, came[0])
+    chosen = max(seen, key=lambda place: float(selection.probability[place]))
     return replace(found, selection=selection, chosen=chosen), seen[chosen]
 
 

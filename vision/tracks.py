@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from vision.finding.selection import FoundObjects
 
 __all__ = [
+    "MIN_MEASURED",
     "Face",
     "FollowedObject",
     "Motion",
@@ -97,6 +98,8 @@ class Motion:
         Acceleration of free fall, px per frame², y down; None where there is no certain one.
     events : tuple of (str, int)
         What happens and its frame, in order: "release", "contact", "bounce", "landing", "stop".
+    given : bool
+        Whether a person states the kind.
     """
 
     kind: MotionKind
@@ -106,6 +109,7 @@ class Motion:
     alternatives: tuple[tuple[MotionKind, float], ...] = ()
     fall_px: tuple[float, float] | None = None
     events: tuple[tuple[str, int], ...] = ()
+    given: bool = False
 
     def of_object(self, probability: float) -> "Motion":
         """The same where it is the right object with a probability: then only is a kind right."""
@@ -114,11 +118,19 @@ class Motion:
 
     @property
     def measured_as(self) -> MotionKind:
-        """The kind whose quantities are measured: a bounce's arcs are flights; of some none are."""
+        """The kind whose quantities are measured: a bounce's arcs are flights; of some none are.
+
+        None of what is more probably wrong than right, unless a person states it.
+        """
+        if self.probability < MIN_MEASURED and not self.given:
+            return MotionKind.NONE
         if self.kind is MotionKind.BOUNCE:
             return MotionKind.FLIGHT
         return self.kind if self.kind not in _UNMEASURED else MotionKind.NONE
 
+
+MIN_MEASURED = 0.5
+"""Probability of object and kind from which its quantities are given. Convention."""
 
 _UNMEASURED = (MotionKind.ROLL, MotionKind.SLIDE, MotionKind.CIRCLE, MotionKind.CARRIED)
 """Kinds of motion that are recognised but of which no quantity is measured."""

@@ -56,7 +56,7 @@ from pipelines.measure.inputs import QUANTITY_UNITS, Inputs, QuantityName, kinds
 from pipelines.measure.metres import MetricTracks, arm_along_bar, radius_relative_std
 from pipelines.measure.motions import MotionResults
 from pipelines.report import Check, CheckKind, CheckOutcome
-from vision.tracks import MotionKind, Tracks
+from vision.tracks import MIN_MEASURED, MotionKind, Tracks
 
 __all__ = [
     "Evaluated",
@@ -284,10 +284,14 @@ def results_of(
 
 def motion_seen(tracks: Tracks) -> str:
     """The motion that is recognised, or why there is none."""
-    kind, seen = tracks.motion.kind, len(tracks.ball)
-    if tracks.motion.measured_as is MotionKind.NONE and seen < MIN_FALL_ROWS:
+    motion, seen = tracks.motion, len(tracks.ball)
+    if motion.measured_as is MotionKind.NONE and seen < MIN_FALL_ROWS:
         return _FEW_PICTURES.format(seen, MIN_FALL_ROWS)
-    return NO_MOTION if kind is MotionKind.NONE else f"the motion is a {kind.noun}"
+    if motion.kind is MotionKind.NONE:
+        return NO_MOTION
+    known = motion.given or motion.probability >= MIN_MEASURED
+    doubt = "" if known else f" with a probability of only {motion.probability:.2f}"
+    return f"the motion is a {motion.kind.noun}{doubt}"
 
 
 def _asked(wanted: Collection[str] | None, names: Collection[str]) -> bool:

@@ -103,6 +103,21 @@ def test_what_was_struck_is_measured_though_a_larger_ball_rolls_past() -> None:
     assert tracks.motion.kind is MotionKind.STRIKE
 
 
+def test_of_two_balls_that_collide_the_one_at_rest_is_measured_though_less_clear() -> None:
+    scene, pictures, places, hit = wall(90, 260), [], [], 80
+    for index in range(92):
+        came = 20.0 + 2.2 * min(index, hit) + 0.3 * max(index - hit, 0)
+        rest = 20.0 + 2.2 * hit + 22.0 + 1.9 * max(index - hit, 0)
+        light = with_ball(with_ball(scene, (came, 50.0), 11.0, 0.02), (rest, 50.0), 11.0, 0.45)
+        pictures.append(exposed(light, 1.5, index))
+        places.append(rest)
+    tracks = follow(PaintedClip(pictures), 600.0)  # type: ignore[arg-type]
+    off = tracks.ball.centre_px[:, 0] - np.array(places)[tracks.ball.frame]
+    assert np.median(np.abs(off)) < 0.2
+    assert tracks.motion.kind is MotionKind.COLLISION
+    assert tracks.motion.probability > 0.8
+
+
 def test_flicker_is_no_obstacle() -> None:
     clip, centres, _ = struck_ball(70, noise=3.0, flicker=0.15)
     ball = follow(clip, 600.0).ball  # type: ignore[arg-type]

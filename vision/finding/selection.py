@@ -76,6 +76,13 @@ class Selection:
         alone = odds * self.alone / (odds * self.alone + 1.0 - self.alone)
         return Selection(probability / whole, self.none / whole, alone)
 
+    def where_it_met(self, target: int, other: int) -> "Selection":
+        """The same where one came to another at rest, which left: then that one is measured."""
+        probability = self.probability.copy()
+        probability[target] += probability[other]
+        probability[other] = 0.0
+        return replace(self, probability=probability)
+
 
 @dataclass(frozen=True)
 class FoundObjects:

@@ -62,6 +62,7 @@ def interpret_tracks(
         tuple(item for item in ranked if item[0] is not found.kind),
         found.gravity_px,
         tuple((str(one.kind), round(one.frame)) for one in found.events if one.kind in _SHOWN),
+        given is not None,
     )
 
 

@@ -103,3 +103,14 @@ def test_numbers_of_a_kind_of_motion_in_doubt_come_with_a_proviso() -> None:
     assert motion_warning(Motion(MotionKind.SWING, 0.96, alternatives=beside)) == ()
     # without a motion there is nothing to warn about
     assert motion_warning(Motion(MotionKind.NONE, 0.6, alternatives=beside)) == ()
+
+
+def test_of_a_motion_that_is_more_probably_another_nothing_is_measured_unless_it_is_stated() -> (
+    None
+):
+    doubtful = Motion(MotionKind.SWING, 0.4)
+    assert doubtful.measured_as is MotionKind.NONE
+    assert "--kind swing" in motion_warning(doubtful)[0]
+    stated = replace(doubtful, given=True)
+    assert stated.measured_as is MotionKind.SWING
+    assert "not given" not in motion_warning(stated)[0]
