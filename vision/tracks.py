@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from vision.finding.selection import FoundObjects
 
 __all__ = [
-    "MIN_MEASURED",
     "Face",
     "FollowedObject",
     "Motion",
@@ -117,19 +116,24 @@ class Motion:
         return replace(self, probability=self.probability * probability, alternatives=rest)
 
     @property
-    def measured_as(self) -> MotionKind:
-        """The kind whose quantities are measured: a bounce's arcs are flights; of some none are.
+    def is_doubtful(self) -> bool:
+        """Whether it is more probably no such motion, and nobody states it; falls are all alike."""
+        alike = sum(part for kind, part in self.alternatives if {kind, self.kind} <= _FALLS)
+        return not self.given and self.probability + alike < _MIN_MEASURED
 
-        None of what is more probably wrong than right, unless a person states it.
-        """
-        if self.probability < MIN_MEASURED and not self.given:
+    @property
+    def measured_as(self) -> MotionKind:
+        """The kind whose quantities are measured: a bounce's arcs are flights; of some none are."""
+        if self.is_doubtful:
             return MotionKind.NONE
         if self.kind is MotionKind.BOUNCE:
             return MotionKind.FLIGHT
         return self.kind if self.kind not in _UNMEASURED else MotionKind.NONE
 
 
-MIN_MEASURED = 0.5
+_FALLS = {MotionKind.FLIGHT, MotionKind.DROP, MotionKind.BOUNCE}
+
+_MIN_MEASURED = 0.5
 """Probability of object and kind from which its quantities are given. Convention."""
 
 _UNMEASURED = (MotionKind.ROLL, MotionKind.SLIDE, MotionKind.CIRCLE, MotionKind.CARRIED)

@@ -22,7 +22,7 @@ from pipelines.setup.file import BallSetup, RigNumber
 from vision.clip.footage import CaptureRate
 from vision.clip.picture import ClipInfo
 from vision.pendulum.arc import Arc, fit_arc
-from vision.tracks import MIN_MEASURED, Motion, MotionKind, Track, Tracks
+from vision.tracks import Motion, MotionKind, Track, Tracks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,7 +73,7 @@ def motion_warning(motion: Motion) -> tuple[str, ...]:
     alternatives = f" (alternatives: {left})" if left else ""
     said = f"the motion is a {kind} with a probability of only {motion.probability:.2f}"
     cure = "Show more of the motion, or point at the ball with another --ball-at"
-    if motion.probability < MIN_MEASURED and not motion.given:
+    if motion.is_doubtful:
         why = "its quantities are not given, since they would more probably be wrong than right"
         return (f"{said}{alternatives}: {why}. {cure}; if it is one, --kind {motion.kind.value}.",)
     return (f"{said}{alternatives}: its quantities hold only if it is a {kind}. {cure}.",)

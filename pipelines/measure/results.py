@@ -56,7 +56,7 @@ from pipelines.measure.inputs import QUANTITY_UNITS, Inputs, QuantityName, kinds
 from pipelines.measure.metres import MetricTracks, arm_along_bar, radius_relative_std
 from pipelines.measure.motions import MotionResults
 from pipelines.report import Check, CheckKind, CheckOutcome
-from vision.tracks import MIN_MEASURED, MotionKind, Tracks
+from vision.tracks import MotionKind, Tracks
 
 __all__ = [
     "Evaluated",
@@ -289,8 +289,7 @@ def motion_seen(tracks: Tracks) -> str:
         return _FEW_PICTURES.format(seen, MIN_FALL_ROWS)
     if motion.kind is MotionKind.NONE:
         return NO_MOTION
-    known = motion.given or motion.probability >= MIN_MEASURED
-    doubt = "" if known else f" with a probability of only {motion.probability:.2f}"
+    doubt = f" with a probability of only {motion.probability:.2f}" if motion.is_doubtful else ""
     return f"the motion is a {motion.kind.noun}{doubt}"
 
 
