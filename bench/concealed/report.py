@@ -276,7 +276,7 @@ def _misses(scored: Sequence[Scored]) -> list[str]:
         )  # fmt: skip
     if not rows:
         return ["None.", ""]
-    return _table(("campaign", "kind", "level", "Δχ²", "concealed", "said"), rows)
+    return _table(("campaign", "kind", "level", "Δχ²", "concealed", "reported"), rows)
 
 
 def _reliability(bins: Sequence[tuple[float, float, int]]) -> list[str]:
@@ -294,7 +294,7 @@ def proof_text(own: Sequence[Scored], asked: Asked) -> str:
     _, bins = calibration_error(*_stated(own))
     sizes = [s.judgement.group_size for s in own if s.judgement.group_size]
     lines = [
-        "# The proof: campaigns with concealed physics",
+        "# Campaigns with concealed physics",
         "",
         f"Written by `python -m bench.concealed --campaigns {asked.campaigns} --seed {asked.seed}`"
         f" with engine {asked.engine or '(unknown)'}; {len(own)} campaigns were scored: "
