@@ -21,6 +21,9 @@ _STEPS = (8, 4)
 _MIN_FACTOR = 1.8
 """Slow motion (convention: factors are 2, 4, 8, …; less may be friction)."""
 
+_MAX_FROZEN = 0.1
+"""Speed in a repeated picture over the usual (chosen: noise of the track is less)."""
+
 _MAX_TURN = 0.1
 """Change of direction at a jump, rad (chosen: that of a fall within a step of 1/30 s)."""
 
@@ -50,7 +53,7 @@ class SlowPart:
     first, last : int
         Rows of the track.
     factor : float
-        Times slower than the parts around it.
+        Times slower than the parts around it; infinite for one picture.
     """
 
     first: int
@@ -78,9 +81,29 @@ def find_slow_part(time: FloatArray, place: FloatArray) -> SlowPart | None:
         Increasing.
     place : (N, 2) array
     """
-    return next(
+    return _frozen(time, place) or next(
         (one for steps in _STEPS if (one := _slow_part(time, place, steps)) is not None), None
     )
+
+
+def _frozen(time: FloatArray, place: FloatArray) -> SlowPart | None:
+    """A part in which an object stands still and then goes on as before; a rest begins or ends."""
+    steps = _STEPS[0]
+    if len(time) < 4 * steps:
+        return None
+    velocity = np.diff(place, axis=0) / np.diff(time)[:, None]
+    speed = np.hypot(*velocity.T)
+    still = np.concatenate([[False], speed < _MAX_FROZEN * np.quantile(speed, 0.75), [False]])
+    first, last = np.flatnonzero(np.diff(still.astype(int))).reshape(-1, 2).T
+    for begin, end in zip(first.tolist(), last.tolist(), strict=True):
+        if end - begin < steps or begin < steps or end > len(velocity) - steps:
+            continue
+        before, _ = _at_end(velocity[begin - steps : begin][::-1])
+        after, _ = _at_end(velocity[end : end + steps])
+        usual = 0.5 * float(np.hypot(*before) + np.hypot(*after))
+        if np.hypot(*(after - before)) < _MAX_MISMATCH * usual:
+            return SlowPart(begin, end, float("inf"))
+    return None
 
 
 def _slow_part(time: FloatArray, place: FloatArray, steps: int) -> SlowPart | None:

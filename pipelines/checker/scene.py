@@ -173,6 +173,12 @@ def findings_of(facts: SceneFacts) -> tuple[Finding, ...]:
 
 def _two_clocks(slow: SlowPart, frame: FloatArray) -> Finding:
     first, last = (round(float(frame[row])) for row in (slow.first, slow.last))
+    if math.isinf(slow.factor):
+        sentence = (
+            f"Likely cause: frames {first} to {last} show one picture, frozen by an editor, and the"
+            f" ball then goes on: cut frames {first + 1} to {last} out, and measure again."
+        )
+        return Finding("pace", sentence, "")
     sentence = (
         f"Likely cause: frames {first} to {last} are in slow motion, about {slow.factor:.1f} times"
         " slower than the rest: the recording was exported with two speeds, and no time across"

@@ -115,3 +115,17 @@ def test_a_swing_that_turns_round_is_no_slow_motion() -> None:
         angle = size / arm * np.cos(2.0 * np.pi * time / period + phase) * damped
         place = arm * np.column_stack([np.sin(angle), np.cos(angle)])
         assert find_slow_part(time, place + rng.normal(0.0, noise, place.shape)) is None
+
+
+def test_a_frozen_picture_in_a_flight() -> None:
+    flown = np.maximum(np.arange(80) / 240.0 - 0.05, 0.0)
+    path = np.column_stack([900.0 * flown, 400.0 - 300.0 * flown + 2000.0 * flown**2])
+    shown = np.concatenate([path[:50], np.repeat(path[49:50], 30, axis=0), path[50:]])
+    place = shown + np.random.default_rng(2).normal(0.0, 0.02, shown.shape)
+    found = find_slow_part(np.arange(len(place), dtype=float), place)
+    assert found is not None
+    assert np.isinf(found.factor)
+    assert (found.first, found.last) == (49, 79)
+    # a ball that is caught and thrown again goes on otherwise
+    place[80:] = place[79] - (place[80:] - place[79])
+    assert find_slow_part(np.arange(len(place), dtype=float), place) is None
