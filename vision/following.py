@@ -671,6 +671,8 @@ def _maybe_shadow(tracklet: Tracklet) -> bool:
 
 def _looks(tracklet: Tracklet) -> tuple[str, ...]:
     seen = tracklet.seen
+    if tracklet.corner_std_px is not None:
+        return (f"Its corners move together in {len(tracklet)} frames; it need not be round.",)
     return (
         f"It was found in {len(tracklet)} frames, {100 * np.median(seen.coverage):.0f} % of its"
         f" outline seen, radius {tracklet.radius:.1f} px.",
