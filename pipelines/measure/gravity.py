@@ -236,7 +236,7 @@ def gravity_check(found: Quantity, scene: ClipConditions) -> tuple[Quantity, Che
     off = abs(quantity.value - gravity)
     relevant = RELEVANT_GRAVITY_FRACTION * gravity / max(quantity.std, 1e-12)
     power = float(scipy.special.ndtr(-_SIGMAS + relevant))
-    if off > _SIGMAS * quantity.std:
+    if off > _SIGMAS * _std_at(gravity, quantity):
         statement = f"{text}, not {gravity:.2f}. {_why(quantity, scene)}"
         return quantity, Check(CheckKind.GRAVITY, CheckOutcome.FAILED, statement, power)
     if scene.rate.source is RateSource.ASSUMED:
@@ -250,6 +250,15 @@ def gravity_check(found: Quantity, scene: ClipConditions) -> tuple[Quantity, Che
         return quantity, Check(CheckKind.GRAVITY, CheckOutcome.UNDECIDED, statement, power)
     statement = f"{text}: rate and scale agree with gravity"
     return quantity, Check(CheckKind.GRAVITY, CheckOutcome.PASSED, statement, power)
+
+
+def _std_at(gravity: float, found: Quantity) -> float:
+    """Std that a fall with gravity would have: errors of scale and rate grow with the value."""
+    assert found.value is not None
+    grown = max(gravity / found.value, 1.0) if found.value > 0.0 else 1.0
+    return math.hypot(
+        *(line.std * (grown if line.source.shared_by_setup else 1.0) for line in found.budget)
+    )
 
 
 def _why(quantity: Quantity, scene: ClipConditions) -> str:

@@ -308,7 +308,8 @@ insensitive between 0.05 and 0.2: drag and lens change it by less, impacts by mo
 def _unbroken(segments: tuple[Segment, ...], main: Segment) -> tuple[int, int]:
     """Frames of a segment with those that continue it: drag or a lens may break it without event.
 
-    Continued are position and velocity, within what is known of them and a fraction of the speed.
+    Continued are position and velocity, within what is known of them and a fraction of the speed;
+    nothing that falls rises again without an event.
     """
     first = last = segments.index(main)
     while last + 1 < len(segments) and _continued(segments[last], segments[last + 1]):
@@ -322,7 +323,9 @@ def _continued(before: Segment, after: Segment) -> bool:
     if before.model is not after.model or before.model not in (Model.FALL, Model.SLOPE):
         return False
     frame = 0.5 * (before.last + after.first)
-    (place, slow, _), (there, fast, _) = before.at(frame), after.at(frame)
+    (place, slow, pull), (there, fast, _) = before.at(frame), after.at(frame)
+    if before.model is Model.FALL and slow @ pull > 0.0 > fast @ pull:
+        return False
     speed = min(float(np.hypot(*slow)), float(np.hypot(*fast)))
     place_std = math.hypot(before.spread(frame)[0], after.spread(frame)[0])
     speed_std = math.hypot(before.spread(frame)[1], after.spread(frame)[1])
