@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.cases import Case
+from sample_videos.render import REPEATABLE
 
 Pictures = list[NDArray[np.uint8]]
 CLOCK = ("contact_start", "contact_end")
@@ -110,7 +111,11 @@ WAYS = (
     Way(
         "H.265",
         codec="libx265",
-        options={"crf": "18", "preset": "fast", "x265-params": "log-level=1"},
+        options={
+            "crf": "18",
+            "preset": "fast",
+            "x265-params": "log-level=1:pools=none:frame-threads=1:asm=sse4.2",
+        },
     ),
     Way("crushed to a fiftieth", options={"crf": "36", "preset": "fast"}),
     Way("another container", suffix=".mkv"),
@@ -148,8 +153,11 @@ def written(pictures: Pictures, stamps: list[int], path: Path, way: Way) -> Path
         return path
     pix_fmt = "yuvj420p" if way.codec == "mjpeg" else "yuv420p"
     height, width = (length - length % 2 for length in pictures[0].shape)
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream(way.codec, rate=30, options=dict(way.options))
+    # without bitexact a Matroska file gets another random number at every run
+    with av.open(str(path), "w", options={"fflags": "+bitexact"}) as container:
+        options = way.options | (REPEATABLE if way.codec == "libx264" else {})
+        stream = container.add_stream(way.codec, rate=30, options=options)
+        stream.thread_count = 1
         stream.width, stream.height, stream.pix_fmt = width, height, pix_fmt
         if way.rotation is not None:
             stream.set_display_rotation(way.rotation)

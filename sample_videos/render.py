@@ -20,7 +20,7 @@ from sample_videos.scene import Encoding, Scene
 from sample_videos.shot import SceneMotion, Shot
 from sample_videos.truth import Truth, film_truth, write_truth
 
-__all__ = ["SUFFIXES", "render_clip", "render_frames", "write_clip"]
+__all__ = ["REPEATABLE", "SUFFIXES", "render_clip", "render_frames", "write_clip"]
 
 Picture = NDArray[np.uint8]
 
@@ -37,7 +37,7 @@ FORMATS = {"h264": "yuv420p", "mjpeg": "yuvj420p", "ffv1": "bgr0"}
 
 # x264's AVX-512 code gives another clip at every run, of the same pictures and on one thread; the
 # code for SSE4.2, which NumPy asks of a processor anyhow, gives what AVX2's gives, every time
-_REPEATABLE = {"x264-params": "asm=SSE4.2"}
+REPEATABLE = {"x264-params": "asm=SSE4.2"}
 
 
 def write_clip(frames: Iterable[Picture], path: Path, encoding: Encoding) -> None:
@@ -83,7 +83,7 @@ def _write_video(frames: Iterable[Picture], path: Path, encoding: Encoding) -> N
                             f"H.264 can't hold {picture.shape[1]} x {picture.shape[0]} px",
                             hint="Use an even width and height.",
                         )
-                    stream.options = {"preset": "medium", "profile": "high", **_REPEATABLE}
+                    stream.options = {"preset": "medium", "profile": "high", **REPEATABLE}
                     if encoding.rate_factor is not None:
                         stream.options |= {"crf": f"{encoding.rate_factor:g}"}
                     stream.codec_context.colorspace = 5
