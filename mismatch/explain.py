@@ -238,7 +238,7 @@ def _searched_as_stated(
     """As `_searched`, with the inputs as the baseline has them.
 
     Beside open instruments a fault of theirs explains nothing that they don't take up. One that is
-    only assumed to be right, and surely is not, is held against whatever else says as much.
+    only assumed to be right, and surely is not, is tested against whatever else says as much.
     """
     found = name_effects(prepared.forward, prepared.fit, effects, most=most)
     slow = None if found.best is None else with_slow_noise(prepared, _beside(prepared, found.best))

@@ -1,8 +1,8 @@
 """Fit what a pendulum's sure blow says: python -m training.fit_blow FOLDER... [--write].
 
 Folders hold labs or rendered clips with truth (NAME/clip.mp4, truth.json); of labs drawn at random
-seeds 0 to 999 train. Of each clip the likeliest objects are looked at as the measurement does. Two
-weights come from it: by how much the odds of an object to be the measured one grow where it was
+seeds 0 to 999 train. Of each clip the most probable objects are looked at as by the measurement.
+Two weights come from it: by how much the odds of an object to be the measured one grow where it was
 struck, in a conditional logit over the objects of the clip, and by how much those of a strike do.
 Each has a ridge of the selection's size and a 95 % interval by resampling of clips.
 """
@@ -42,7 +42,7 @@ _MIN_SHARE = 0.005
 
 @dataclass(frozen=True)
 class LookedAt:
-    """A clip's objects, likeliest first, and what the motion of the right one looks like.
+    """A clip's objects, most probable first, and what the motion of the right one looks like.
 
     Attributes
     ----------

@@ -21,7 +21,7 @@ from vision.clip.footage import Footage
 from vision.finding.bodies import rigid_bodies
 from vision.finding.detection import detect, searched_frames, with_small
 from vision.finding.linking import MIN_FOUND_ROWS, Tracklet, link
-from vision.finding.selection import FoundObjects, comes_to, select
+from vision.finding.selection import FoundObjects, Selection, comes_to, select
 from vision.lost import LostFrames, lost_frames
 from vision.motions.motion import interpret_tracks
 from vision.pendulum.face import Striking
@@ -218,7 +218,7 @@ def find_objects(
         seen = with_small(scene, seen)
         tracklets = link(seen, frames, scene.shape)
         selection = select(tracklets, len(frames), scene.shape)
-    if given is None and selection.probability.max(initial=0.0) < _LIKELY_OBJECT:
+    if given is None and not _has_likely(tracklets, selection, at):
         tracklets = [*tracklets, *rigid_bodies(scene, frames)]
         selection = select(tracklets, len(frames), scene.shape)
     if not tracklets:
@@ -233,6 +233,19 @@ def find_objects(
         return None
     order = selection.order
     return replace(found, chosen=int(order[np.flatnonzero(away[order] < 1.0)[0]]), pointed=True)
+
+
+def _has_likely(
+    tracklets: list[Tracklet], selection: Selection, at: tuple[float, float, int | None] | None
+) -> bool:
+    """Whether something round is likely what is measured, or lies where somebody points.
+
+    A place without a frame is passed by more than what is meant.
+    """
+    own = [at is None or _distance(one, at) < 1.0 for one in tracklets]
+    if at is not None and at[2] is None:
+        return any(own)
+    return bool(selection.probability[own].max(initial=0.0) >= _LIKELY_OBJECT)
 
 
 def _distance(tracklet: Tracklet, at: tuple[float, float, int | None]) -> float:

@@ -92,7 +92,8 @@ def link(detections: "pd.DataFrame", shape: tuple[int, int] | None = None) -> "p
     Returns
     -------
     DataFrame
-        The rows that belong to a tracklet, with `tracklet` (0 has the most) and `log_odds`.
+        The rows that belong to a tracklet, with `tracklet` (0 has the most), `log_odds`, and
+        `corner_std_px`: above 0 for a body of any shape, of which no outline is fitted.
 
 
     Raises
@@ -227,6 +228,7 @@ def tracklet_table(tracklets: list[Tracklet]) -> "pd.DataFrame":
         part = detection_table(one.seen)
         part.insert(0, "tracklet", number)
         part["log_odds"] = one.log_odds
+        part["corner_std_px"] = one.corner_std_px or 0.0
         parts.append(part)
     return pd.concat(parts, ignore_index=True)
 
@@ -364,7 +366,8 @@ def _numbers(table: object) -> "pd.DataFrame":
             f"the corrected table {lacks}",
             hint="Correct a table that --tracklets or --detections wrote, and keep its columns.",
         )
-    optional = [name for name in ("tracklet", "log_odds", "measured") if name in table]
+    names = ("tracklet", "log_odds", "measured", "corner_std_px")
+    optional = [name for name in names if name in table]
     rows = table[[*_COLUMNS, *optional]].apply(pd.to_numeric, errors="coerce").astype(float)
     if "measured" in rows:
         rows.loc[table["measured"].isna(), "measured"] = 0.0
@@ -428,7 +431,8 @@ def _detections(table: "pd.DataFrame") -> Detections:
 
 def _tracklet(rows: "pd.DataFrame") -> Tracklet:
     odds = float(rows["log_odds"].iloc[0]) if "log_odds" in rows else 0.0
-    return Tracklet(_detections(rows), odds)
+    std = float(rows["corner_std_px"].iloc[0]) if "corner_std_px" in rows else 0.0
+    return Tracklet(_detections(rows), odds, std if std > 0.0 else None)
 
 
 def _shape(table: "pd.DataFrame", shape: tuple[int, int] | None) -> tuple[int, int]:

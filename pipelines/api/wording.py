@@ -13,11 +13,18 @@ _ARGUMENTS = (
     "fps", "ball", "wall-grid", "fine-grid", "ball-at", "mass-at", "pivot-at", "landing-at", "axes",
     "scale", "setup", "lens", "support-height", "camera-distance", "ball-plane", "backswing",
     "impact-speed", "cor", "drag", "trials", "every", "hold-out", "out", "jobs", "pendulum",
-    "tracklets", "detections",
+    "tracklets", "detections", "kind",
 )  # fmt: skip
 """Options that are arguments of the same name."""
 
-_VALUE = r"""'[^']*'|"[^"]*"|[A-Z][A-Z,|]*\b|\d[\w.,]*(?:\s?±\s?\d[\w.]*)?|jokku\b|basketball\b"""
+_WORDS = (
+    "jokku", "basketball", "strike", "flight", "drop", "bounce", "swing", "collision", "roll",
+    "slide", "circle", "carried",
+)  # fmt: skip
+"""Values of options that are words."""
+
+_VALUE = r"""'[^']*'|"[^"]*"|[A-Z][A-Z,|]*\b|\d[\w.,]*(?:\s?±\s?\d[\w.]*)?"""
+_VALUE += "".join(rf"|{word}\b" for word in _WORDS)
 
 _OPTION = rf"--(?:{'|'.join(_ARGUMENTS)})(?![\w-])(?:[ =](?:{_VALUE}))?"
 

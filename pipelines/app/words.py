@@ -512,6 +512,7 @@ _PLACES = {
     "pivot-at": "pivot",
     "landing-at": "point_landing",
     "axes": "axes",
+    "kind": "kind",
     "support-height": "support",
     "camera-distance": "camera_distance",
     "ball-plane": "ball_plane",

@@ -253,7 +253,11 @@ def gravity_check(found: Quantity, scene: ClipConditions) -> tuple[Quantity, Che
 
 
 def _std_at(gravity: float, found: Quantity) -> float:
-    """Std that a fall with gravity would have: errors of scale and rate grow with the value."""
+    """Std that a fall with gravity would have.
+
+    What a set-up's clips have in common, mostly scale and rate, errs in proportion to the value;
+    the track's noise does not.
+    """
     assert found.value is not None
     grown = max(gravity / found.value, 1.0) if found.value > 0.0 else 1.0
     return math.hypot(

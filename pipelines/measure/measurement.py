@@ -75,7 +75,7 @@ def motion_warning(motion: Motion) -> tuple[str, ...]:
     cure = "Show more of the motion, or point at the ball with another --ball-at"
     if motion.is_doubtful:
         why = "its quantities are not given, since they would more probably be wrong than right"
-        return (f"{said}{alternatives}: {why}. {cure}; if it is one, --kind {motion.kind.value}.",)
+        return (f"{said}{alternatives}: {why}. {cure}; or state --kind {motion.kind.value}.",)
     return (f"{said}{alternatives}: its quantities hold only if it is a {kind}. {cure}.",)
 
 

@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 from vision.finding.detection import (
     WORKING_WIDTH_PX,
     Backgrounds,
-    Detections,
     backgrounds_of,
+    gradient,
     looked_like,
     reduced,
+    smoothed,
+    table_of,
 )
 from vision.finding.linking import Tracklet
 
@@ -245,30 +247,16 @@ def _tracklet(
     one: _Followed, pictures: NDArray[np.uint8], known: Backgrounds, frames: IntArray
 ) -> Tracklet:
     """The rows of a body, with looks of the disc as large as it."""
-    count, scale = len(one.rows), known.scale
-    at = np.rint(one.corners).astype(int)
-    smooth = cv2.GaussianBlur(pictures[one.start].astype(np.float32), (0, 0), 0.8)
-    slope = np.hypot(
-        cv2.Scharr(smooth, cv2.CV_32F, 1, 0, scale=1.0 / 32.0),
-        cv2.Scharr(smooth, cv2.CV_32F, 0, 1, scale=1.0 / 32.0),
-    ).max(axis=2)
-    near = cv2.dilate(slope, np.ones((3, 3), np.uint8))
-    row = np.clip(at[:, 1], 0, near.shape[0] - 1)
-    column = np.clip(at[:, 0], 0, near.shape[1] - 1)
-    sharp = float(np.median(near[row, column] / known.edge_noise[row, column]))
-    discs = np.column_stack([one.centre, np.full(count, one.radius)])
-    looks = np.concatenate(
-        [
-            looked_like(pictures[k], known, disc[None])
-            for k, disc in zip(one.rows, discs, strict=True)
-        ]
-    )
-    seen = Detections(
-        frames[one.rows], one.centre * scale + 0.5 * (scale - 1.0),
-        np.full(count, one.radius * scale), one.agreeing, np.full(count, sharp),
-        looks[:, :3], looks[:, 3:6], looks[:, 6], looks[:, 7],
-    )  # fmt: skip
-    return Tracklet(seen, one.worth, max(one.scatter * scale, _MIN_STD_PX))
+    steep = np.hypot(*gradient(smoothed(pictures[one.start].astype(np.float32)))).max(axis=2)
+    near = cv2.dilate(steep / known.edge_noise, np.ones((3, 3), np.uint8))
+    column, row = np.clip(np.rint(one.corners).astype(int), 0, np.array(near.shape[::-1]) - 1).T
+    sharpness = float(np.median(near[row, column]))
+    discs = np.column_stack([one.centre, np.full(len(one.rows), one.radius)])
+    shown = zip(pictures[one.rows], discs, strict=True)
+    looks = np.concatenate([looked_like(each, known, disc[None]) for each, disc in shown])
+    rows = [frames[one.rows], discs, one.agreeing, np.full(len(discs), sharpness), looks]
+    seen = table_of(np.column_stack(rows).astype(np.float64), known.scale)
+    return Tracklet(seen, one.worth, max(one.scatter * known.scale, _MIN_STD_PX))
 
 
 _MIN_STD_PX = 0.1

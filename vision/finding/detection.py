@@ -24,7 +24,19 @@ from vision.scene import sorted_stack
 if TYPE_CHECKING:
     from vision.scene import FilmedScene
 
-__all__ = ["Backgrounds", "Detections", "detect", "searched_frames", "with_small"]
+__all__ = [
+    "Backgrounds",
+    "Detections",
+    "backgrounds_of",
+    "detect",
+    "gradient",
+    "looked_like",
+    "reduced",
+    "searched_frames",
+    "smoothed",
+    "table_of",
+    "with_small",
+]
 
 FloatArray = NDArray[np.float64]
 FloatImage = NDArray[np.float32]
@@ -160,13 +172,13 @@ def backgrounds_of(pictures: NDArray[np.uint8], scale: float) -> Backgrounds:
         np.unique(np.linspace(0, count - 1, 2 * _EPOCH_FRAMES + 1).astype(int)),
     )
     medians = [_median(pictures[rows]) for rows in epochs]
-    smooth = np.stack([_smoothed(median) for median in medians])
-    gradients = np.stack([np.stack(_gradient(picture)) for picture in smooth])
+    smooth = np.stack([smoothed(median) for median in medians])
+    gradients = np.stack([np.stack(gradient(picture)) for picture in smooth])
     # deviations from the nearest background, by the median over time where something moves, and
     # by as much more as a codec's pulses ask for where nothing does
     edge, level = [], []
     for row in epochs[2].tolist():
-        gx, gy = _gradient(_smoothed(pictures[row].astype(np.float32)))
+        gx, gy = gradient(smoothed(pictures[row].astype(np.float32)))
         off = np.empty(gx.shape[:2], dtype=np.float32)
         _nearest(gx, gy, gradients, off)
         edge.append(off)
@@ -208,11 +220,13 @@ _MIN_EDGE_NOISE = 0.15
 """Gray levels per px. Derived: what that rounding leaves after smoothing."""
 
 
-def _smoothed(picture: FloatImage) -> FloatImage:
+def smoothed(picture: FloatImage) -> FloatImage:
+    """A picture as its edges are sought in."""
     return np.asarray(cv2.GaussianBlur(picture, (0, 0), 0.8), dtype=np.float32)
 
 
-def _gradient(smooth: FloatImage) -> tuple[FloatImage, FloatImage]:
+def gradient(smooth: FloatImage) -> tuple[FloatImage, FloatImage]:
+    """Derivatives along x and y, gray levels per px."""
     gx = cv2.Scharr(smooth, cv2.CV_32F, 1, 0, scale=1.0 / 32.0)
     gy = cv2.Scharr(smooth, cv2.CV_32F, 0, 1, scale=1.0 / 32.0)
     return np.asarray(gx, dtype=np.float32), np.asarray(gy, dtype=np.float32)
@@ -299,7 +313,7 @@ _MAX_EDGES = 3000
 
 def edges_in(smooth: FloatImage, known: Backgrounds) -> EdgePoints:
     """Edges of a smoothed frame (h, w, 3) that some background does not have."""
-    gx, gy = _gradient(smooth)
+    gx, gy = gradient(smooth)
     shape = smooth.shape[:2]
     strength = np.zeros(shape, dtype=np.float32)
     nx, ny = np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.float32)
@@ -495,12 +509,12 @@ def whole_circles(
     shape = smooth.shape[:2]
     changed = np.empty(shape, dtype=np.float32)
     _changed(smooth, known.pictures, known.noise, changed)
-    nx, ny = _gradient(changed)
+    nx, ny = gradient(changed)
     noise = np.full(shape, _CHANGE_NOISE, dtype=np.float32)
     crests = _crests(nx * nx + ny * ny, nx, ny, noise)
     circles = circles_in(crests, shape, radii, coarse, both_sides=False)
     share = np.empty(len(circles))
-    _presence(*_gradient(smooth), known.gradients, circles, share)
+    _presence(*gradient(smooth), known.gradients, circles, share)
     return circles[share > _MIN_PRESENCE]
 
 
@@ -669,15 +683,15 @@ def _detected(scene: "FilmedScene", wanted: IntArray, width: int, *, small: bool
     rows = []
     for index, frame in enumerate(wanted.tolist()):
         picture = pictures[index]
-        smooth = _smoothed(picture.astype(np.float32))
+        smooth = smoothed(picture.astype(np.float32))
         if halves is None or half_known is None:
             circles = circles_in(edges_in(smooth, known), smooth.shape[:2], radii)
         else:
-            edged, whole = _both(_smoothed(halves[index].astype(np.float32)), half_known, radii)
+            edged, whole = _both(smoothed(halves[index].astype(np.float32)), half_known, radii)
             circles = _together(*_both(smooth, known, radii, edged, whole))
         looks = looked_like(picture, known, circles)
         rows.append(np.column_stack([np.full(len(circles), float(frame)), circles, looks]))
-    return _table(np.concatenate(rows), scale)
+    return table_of(np.concatenate(rows), scale)
 
 
 def _halved(pictures: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -702,7 +716,7 @@ def _both(
     )
 
 
-def _table(rows: FloatArray, scale: float) -> Detections:
+def table_of(rows: FloatArray, scale: float) -> Detections:
     """Detections from rows of frame, circle (5) and looks (8), px of the reduced picture."""
     half = 0.5 * (scale - 1.0)
     frame, centre, radius = rows[:, 0].astype(np.int64), rows[:, 1:3] * scale + half, rows[:, 3]

@@ -108,7 +108,6 @@ def interpret(
     ball: Observations,
     striker: Observations | None = None,
     *,
-    rolls: float = 1.0,
     hangs: bool = False,
     struck: bool = False,
     given: MotionKind | None = None,
@@ -122,9 +121,6 @@ def interpret(
         What is measured.
     striker : Observations, optional
         What came to it: a pendulum's mass, another ball.
-    rolls : float
-        Probability that it rolls where it may roll or slide, from its appearance; a track of the
-        centre does not distinguish them.
     hangs : bool
         Whether the striker is known to turn about a pivot above it, so that it is no second ball.
     struck : bool
@@ -145,19 +141,7 @@ def interpret(
         return Interpretation(
             MotionKind.NONE, shares, (), (), (reason,), None, None, None, math.nan, 0.0
         )
-    shares = probabilities_of(values)
-    shares[MotionKind.ROLL], shares[MotionKind.SLIDE] = (
-        shares[MotionKind.ROLL] * rolls,
-        shares[MotionKind.ROLL] * (1.0 - rolls),
-    )
-    if hangs:
-        shares[MotionKind.STRIKE] += shares[MotionKind.COLLISION]
-        shares[MotionKind.COLLISION] = 0.0
-    if struck:
-        odds = math.exp(blow_weights().strike)
-        whole = 1.0 + (odds - 1.0) * shares[MotionKind.STRIKE]
-        shares = {kind: share / whole for kind, share in shares.items()}
-        shares[MotionKind.STRIKE] *= odds
+    shares = _beside(probabilities_of(values), hangs=hangs, struck=struck)
     if departure_of(one) is None:
         # by definition what is struck or hit was at rest
         shares = _without(shares, _STRUCK)
@@ -187,6 +171,20 @@ def interpret(
         one.alike,
         one.costs,
     )
+
+
+def _beside(
+    shares: Mapping[MotionKind, float], *, hangs: bool, struck: bool
+) -> dict[MotionKind, float]:
+    """Probabilities where the striker hangs, and so is no ball, or surely gave the blow."""
+    found = dict(shares)
+    if hangs:
+        found[MotionKind.STRIKE] += found[MotionKind.COLLISION]
+        found[MotionKind.COLLISION] = 0.0
+    if struck:
+        found[MotionKind.STRIKE] *= math.exp(blow_weights().strike)
+    whole = sum(found.values())
+    return {kind: share / whole for kind, share in found.items()}
 
 
 def _without(

@@ -7,7 +7,10 @@ from tests.vision.ball.painted import PaintedClip, exposed, wall
 from vision.clip.footage import Footage
 from vision.finding.bodies import rigid_bodies
 from vision.finding.detection import searched_frames
+from vision.following import follow
 from vision.scene import FilmedScene
+from vision.stages import given_objects, tracklet_table
+from vision.tracks import MotionKind
 
 PIVOT, ARM, PERIOD = np.array([120.0, -30.0]), 110.0, 57.0
 
@@ -45,6 +48,21 @@ def test_a_plank_that_never_leaves_its_place_is_followed_about_its_pivot(amplitu
     assert np.std(np.hypot(*arm.T)) < 0.15
     assert np.std(turned) * ARM < 0.15
     assert 20.0 < body.radius < 40.0
+
+
+def test_a_table_of_a_body_that_is_handed_back_is_followed_by_its_corners() -> None:
+    clip, angles = plank(120, 0.1)
+    scene = FilmedScene(Footage(clip))  # type: ignore[arg-type]
+    bodies = rigid_bodies(scene, searched_frames(scene))
+    table = tracklet_table(bodies)
+    table["measured"] = (table["tracklet"] == 0).astype(int)
+    tracks = follow(clip, 600.0, given=given_objects(table))  # type: ignore[arg-type]
+    arm = tracks.ball.centre_px - PIVOT
+    turned = np.arctan2(arm[:, 0], arm[:, 1]) - angles[tracks.ball.frame]
+    assert tracks.motion.kind is MotionKind.SWING
+    assert np.std(turned) * ARM < 0.15
+    # what corners span is no size of a ball
+    assert not tracks.ball.sized
 
 
 def test_nothing_moves_together_where_nothing_moves() -> None:
