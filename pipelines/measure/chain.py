@@ -5,7 +5,6 @@ measurement also on the quantities asked for.
 """
 
 import functools
-import math
 import os
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
@@ -23,7 +22,6 @@ from metrology.kept import KeptResults
 from pipelines.cache import Cache, clip_digest
 from pipelines.checker.clips import clip_findings
 from pipelines.measure.budget import (
-    DERIVED,
     ClipConditions,
     Propagation,
     derived_values,
@@ -76,6 +74,7 @@ from pipelines.measure.results import (
     motion_seen,
     needed,
     results_of,
+    stated_landing_off,
 )
 from pipelines.report import CheckKind
 from pipelines.setup.file import Origin, Setup
@@ -390,7 +389,8 @@ def measure_clip(
     followed = FollowedClip(tracks, seen.clock, rate, inputs, options.scale_m_per_px)
     fitted = fitted_once(clip, options, lambda: fit_tracks(followed, report, kept))
     found = quantities_of(fitted, report, options.budget, options.wanted)
-    doubts = [*_pivot_doubts(seen.tracks, tracks), *_landing_doubts(found.evaluated)]
+    doubts = _pivot_doubts(seen.tracks, tracks)
+    doubts += [one.statement for one in stated_landing_off(found.evaluated)]
     return measurement_of(seen.info, followed, found, (*seen.warnings, *doubts))
 
 
@@ -439,30 +439,6 @@ def _pivot_doubts(seen: Tracks, stated: Tracks) -> list[str]:
         f"The stated pivot is {np.hypot(*apart):.0f} px from the point about which the mass turns "
         "in the picture, more than its uncertainty explains. Angles, speeds and contact time hold "
         "only if the stated pivot is right: check --pivot-at, or leave it out."
-    ]
-
-
-def _landing_doubts(evaluated: Evaluated) -> list[str]:
-    """What contradicts a stated landing."""
-    if evaluated.metric is None or evaluated.metric.landing is None:
-        return []
-    index = list(DERIVED).index("landing_beyond_flight")
-    apart = float(evaluated.values[index])
-    variances = [float(column[index]) ** 2 for column in evaluated.systematic.values()]
-    std = math.sqrt(float(evaluated.random[index, index]) + sum(variances))
-    if math.isnan(apart):
-        found = "The fitted flight does not come down to the stated landing point."
-    elif abs(apart) < MAX_ESTIMATE_DIFFERENCE * std:
-        return []
-    else:
-        found = (
-            f"The stated landing point is {1e3 * abs(apart):.0f} mm"
-            f" {'beyond' if apart > 0.0 else 'short of'} the fitted flight at that height, more"
-            " than its uncertainty explains."
-        )
-    return [
-        f"{found} Landing distance and time and their COR hold only if the point is right: check"
-        " --landing-at, or leave it out."
     ]
 
 

@@ -53,7 +53,12 @@ from pipelines.measure.impact import (
     pivot_in_plane,
 )
 from pipelines.measure.inputs import QUANTITY_UNITS, Inputs, QuantityName, kinds_of
-from pipelines.measure.metres import MetricTracks, arm_along_bar, radius_relative_std
+from pipelines.measure.metres import (
+    MAX_ESTIMATE_DIFFERENCE,
+    MetricTracks,
+    arm_along_bar,
+    radius_relative_std,
+)
 from pipelines.measure.motions import MotionResults
 from pipelines.report import Check, CheckKind, CheckOutcome
 from vision.tracks import MotionKind, Tracks
@@ -68,6 +73,7 @@ __all__ = [
     "needed",
     "reading_on_wall",
     "results_of",
+    "stated_landing_off",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -261,6 +267,7 @@ def results_of(
     touching = None if speeds is None else contact_contradiction(speeds, bound)
     motion = motion or MotionResults()
     contradictions += _not_met_as_followed(evaluated, lasting, motion)
+    contradictions += stated_landing_off(evaluated)
     found = apply_contradictions(
         found, [*contradictions, *([] if touching is None else [touching])]
     )
@@ -406,6 +413,34 @@ def _contradictions(
         apart = (max(known_cors) - min(known_cors)) / max(abs(found["cor"].value or 1.0), 1e-6)
         contradictions.append(Contradiction(COR, 0.5 * apart, False, agreement.statement))
     return contradictions
+
+
+def stated_landing_off(evaluated: Evaluated) -> list[Contradiction]:
+    """What contradicts a landing that a person stated: the flight goes elsewhere, or not there."""
+    if not _states_landing(evaluated):
+        return []
+    names = list(DERIVED)
+    index = names.index("landing_beyond_flight")
+    apart = float(evaluated.values[index])
+    variances = [float(column[index]) ** 2 for column in evaluated.systematic.values()]
+    std = math.sqrt(float(evaluated.random[index, index]) + sum(variances))
+    if abs(apart) < MAX_ESTIMATE_DIFFERENCE * std:
+        return []
+    found = "The fitted flight does not come down to the stated landing point."
+    if math.isfinite(apart):
+        found = (
+            f"The stated landing point is {1e3 * abs(apart):.0f} mm"
+            f" {'beyond' if apart > 0.0 else 'short of'} the fitted flight at that height, more"
+            " than its uncertainty explains."
+        )
+    distance = abs(float(evaluated.values[names.index(QuantityName.LANDING_DISTANCE)]))
+    error = abs(apart) / distance if math.isfinite(apart) and distance > 0.0 else math.inf
+    statement = (
+        f"{found} Landing distance and time and their COR hold only if the point is right: check"
+        " --landing-at, or leave it out."
+    )
+    affected = frozenset(map(QuantityName, (*_LANDING, QuantityName.COR)))
+    return [Contradiction(affected, error, False, statement)]
 
 
 def _not_met_as_followed(

@@ -48,9 +48,17 @@ def test_a_landing_stated_where_it_is_gives_the_true_distance() -> None:
 def test_the_distance_follows_the_stated_point_which_is_doubted_off_the_path() -> None:
     x, y = found_at()
     there = measure_clip(CLIP, replace(given(), landing_at=(x + 10.0, y)))
-    before, after = (one.quantity("landing_distance").value for one in (strike(), there))
+    shown = there.quantity("landing_distance")
+    before, after = strike().quantity("landing_distance").value, shown.value
     assert before is not None
     assert after is not None
+    # the point or the flight is wrong by as much
+    assert shown.std is not None
+    assert shown.std > 0.9 * (after - before)
+    elsewhere = measure_clip(CLIP, replace(given(), landing_at=(x + 60.0, y)))
+    refused = elsewhere.quantity("landing_distance")
+    assert refused.value is None
+    assert "--landing-at" in str(refused.reason)
     metres_per_px = TRUTH["landing_distance"]["value"] / (x - rest_x())
     assert after - before == pytest.approx(10.0 * metres_per_px, rel=0.1)
     warning = next(one for one in there.warnings if "stated landing point" in one)
