@@ -322,8 +322,8 @@ class PendulumTrack:
     zero_std_rad : float
         Standard uncertainty common to all angles, rad: from the position of the pivot, and from
         the offset of the tracked point from the arm.
-    pivot_given : bool
-        Whether a person stated the pivot.
+    seen_pivot : (array, array) or None
+        Pivot (2,), px, and covariance (2, 2), px², by the path, where a person stated another.
     """
 
     track: Track
@@ -334,7 +334,7 @@ class PendulumTrack:
     arm_px: float
     face: Face
     zero_std_rad: float = 0.0
-    pivot_given: bool = False
+    seen_pivot: tuple[FloatArray, FloatArray] | None = None
 
     def about(self, pivot_px: FloatArray, std_px: float) -> Self:
         """The same track about a pivot (2,) that a person stated, px."""
@@ -347,7 +347,7 @@ class PendulumTrack:
             pivot_px=pivot_px,
             pivot_covariance_px2=std_px**2 * np.eye(2),
             arm_px=float(np.hypot(*offset.T).mean()),
-            pivot_given=True,
+            seen_pivot=(self.pivot_px, self.pivot_covariance_px2),
         )
 
     def in_clip(self, place: PlaceInClip) -> Self:

@@ -347,13 +347,16 @@ def _numbers(option: str, at: Any, form: str) -> list[float]:
 
 
 def _fixed_point(option: str, at: At) -> tuple[float, float] | None:
-    point = point_from(option, at)
-    if point is not None and len(point) == 3:
+    """A point that is the same in all frames."""
+    if at is None:
+        return None
+    point = _numbers(option, at, "X,Y")
+    if len(point) == 3:
         raise UsageError(
             f"{option} {at!r} names a frame, but the point is the same in all frames",
             hint=f"As in {option} 120,88.",
         )
-    return point
+    return point[0], point[1]
 
 
 def _kind_from(text: str) -> MotionKind:

@@ -44,9 +44,8 @@ from pipelines.measure.inputs import (
     kinds_of,
     quantities_except,
 )
-from pipelines.measure.measurement import Axes, ClipMeasurement, motion_warning
+from pipelines.measure.measurement import Axes, ClipMeasurement, motion_warning, on_axes
 from pipelines.measure.metres import (
-    MAX_ESTIMATE_DIFFERENCE,
     STATED_STD_PX,
     AssumedLens,
     BallScale,
@@ -75,6 +74,7 @@ from pipelines.measure.results import (
     needed,
     results_of,
     stated_landing_off,
+    stated_pivot_off,
 )
 from pipelines.report import CheckKind
 from pipelines.setup.file import Origin, Setup
@@ -124,7 +124,14 @@ def measured_once(measure: _Measure) -> _Measure:
         if options is not None and options.axes is not None:
             # no number depends on them
             plain = measured(path, replace(options, axes=None), progress, kept)
-            return replace(plain, axes=options.axes)
+            placed = replace(plain, axes=options.axes)
+            if not np.isfinite(on_axes(placed, np.zeros((1, 2)))).all():
+                raise UsageError(
+                    f"--axes {options.axes.x_px:g},{options.axes.y_px:g} is too far outside the"
+                    " picture: the camera sees no point of the plane of motion there",
+                    hint="Place the origin in the picture, or near it.",
+                )
+            return placed
         path = Path(path)
         stored = Cache.of_user(wanted=options is not None and options.cache)
         if stored.folder is None or options is None or not os.path.exists(path):
@@ -389,8 +396,8 @@ def measure_clip(
     followed = FollowedClip(tracks, seen.clock, rate, inputs, options.scale_m_per_px)
     fitted = fitted_once(clip, options, lambda: fit_tracks(followed, report, kept))
     found = quantities_of(fitted, report, options.budget, options.wanted)
-    doubts = _pivot_doubts(seen.tracks, tracks)
-    doubts += [one.statement for one in stated_landing_off(found.evaluated)]
+    off = (*stated_pivot_off(tracks), *stated_landing_off(found.evaluated))
+    doubts = [one.statement for one in off]
     return measurement_of(seen.info, followed, found, (*seen.warnings, *doubts))
 
 
@@ -423,23 +430,16 @@ def _landing(tracks: Tracks, landing_at: tuple[float, float]) -> Tracks:
             f" {tracks.motion.measured_as.noun}, and the landing is measured of a struck ball only",
             hint="Leave it out, or pass --kind strike if the ball is struck.",
         )
-    return replace(tracks, landing_px=np.array(landing_at))
-
-
-def _pivot_doubts(seen: Tracks, stated: Tracks) -> list[str]:
-    """What contradicts a stated pivot."""
-    if seen.pendulum is None or stated.pendulum is None or not stated.pendulum.pivot_given:
-        return []
-    apart = stated.pendulum.pivot_px - seen.pendulum.pivot_px
-    covariance = seen.pendulum.pivot_covariance_px2 + stated.pendulum.pivot_covariance_px2
-    squared = float(apart @ np.linalg.solve(covariance, apart))
-    if squared < MAX_ESTIMATE_DIFFERENCE**2:
-        return []
-    return [
-        f"The stated pivot is {np.hypot(*apart):.0f} px from the point about which the mass turns "
-        "in the picture, more than its uncertainty explains. Angles, speeds and contact time hold "
-        "only if the stated pivot is right: check --pivot-at, or leave it out."
-    ]
+    place, size = np.array(landing_at), np.array(tracks.background.shape[::-1])
+    room = float(np.median(tracks.ball.radius_px))
+    if np.any(place < -room) or np.any(place > size - 1 + room):
+        raise UsageError(
+            f"--landing-at {landing_at[0]:g},{landing_at[1]:g} is outside the picture of"
+            f" {size[0]} × {size[1]} px",
+            hint="Give the ball's centre where it lands in the picture; x counts from the left, y"
+            " from the top.",
+        )
+    return replace(tracks, landing_px=place)
 
 
 def _opened(path: Path, every: int, kept: KeptResults | None) -> ClipReader:

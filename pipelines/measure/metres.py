@@ -609,7 +609,7 @@ def _swing(
     mass = mapping.point(pendulum.track.centre_px) * flip
     pivot = mapping.point(pendulum.pivot_px) * flip
     moved = mapping.point(pendulum.pivot_px + pivot_moved_px) * flip - pivot
-    if not pendulum.pivot_given and _bends(mapping, pendulum.pivot_px, pendulum.track.centre_px):
+    if pendulum.seen_pivot is None and _bends(mapping, pendulum.pivot_px, pendulum.track.centre_px):
         # a lens that bends lines distorts the arc: its centre is fitted in metres
         pivot = centre_of_arc(mass)
     pivot = pivot + moved + further_m

@@ -74,6 +74,7 @@ __all__ = [
     "reading_on_wall",
     "results_of",
     "stated_landing_off",
+    "stated_pivot_off",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -267,7 +268,7 @@ def results_of(
     touching = None if speeds is None else contact_contradiction(speeds, bound)
     motion = motion or MotionResults()
     contradictions += _not_met_as_followed(evaluated, lasting, motion)
-    contradictions += stated_landing_off(evaluated)
+    contradictions += (*stated_pivot_off(tracks), *stated_landing_off(evaluated))
     found = apply_contradictions(
         found, [*contradictions, *([] if touching is None else [touching])]
     )
@@ -413,6 +414,25 @@ def _contradictions(
         apart = (max(known_cors) - min(known_cors)) / max(abs(found["cor"].value or 1.0), 1e-6)
         contradictions.append(Contradiction(COR, 0.5 * apart, False, agreement.statement))
     return contradictions
+
+
+def stated_pivot_off(tracks: Tracks) -> list[Contradiction]:
+    """What contradicts a pivot that a person stated: the mass turns about another point."""
+    pendulum = tracks.pendulum
+    if pendulum is None or pendulum.seen_pivot is None:
+        return []
+    seen, covariance = pendulum.seen_pivot
+    apart = pendulum.pivot_px - seen
+    squared = float(apart @ np.linalg.solve(covariance + pendulum.pivot_covariance_px2, apart))
+    if squared < MAX_ESTIMATE_DIFFERENCE**2:
+        return []
+    away = float(np.hypot(*apart))
+    statement = (
+        f"The stated pivot is {away:.0f} px from the point about which the mass turns in the"
+        " picture, more than its uncertainty explains. Angles, speeds and contact time hold only if"
+        " the stated pivot is right: check --pivot-at, or leave it out."
+    )
+    return [Contradiction(PENDULUM | CONTACT, away / pendulum.arm_px, False, statement)]
 
 
 def stated_landing_off(evaluated: Evaluated) -> list[Contradiction]:

@@ -55,7 +55,7 @@ def test_the_distance_follows_the_stated_point_which_is_doubted_off_the_path() -
     # the point or the flight is wrong by as much
     assert shown.std is not None
     assert shown.std > 0.9 * (after - before)
-    elsewhere = measure_clip(CLIP, replace(given(), landing_at=(x + 60.0, y)))
+    elsewhere = measure_clip(CLIP, replace(given(), landing_at=(x - 40.0, y)))
     refused = elsewhere.quantity("landing_distance")
     assert refused.value is None
     assert "--landing-at" in str(refused.reason)
@@ -85,6 +85,13 @@ def test_without_a_grid_the_stated_landing_is_measured_as_the_speed_is() -> None
 def test_a_wrong_point_is_refused(landing: str) -> None:
     with pytest.raises(UsageError, match="--landing-at"):
         measure_options(landing_at=landing)
+
+
+@pytest.mark.parametrize("place", [(9999.0, 50.0), (100.0, -400.0)])
+def test_a_landing_outside_the_picture_is_refused(place: tuple[float, float]) -> None:
+    with pytest.raises(UsageError, match=r"outside the picture of 208 × 116 px") as refused:
+        measure_clip(CLIP, replace(given(), landing_at=place))
+    assert refused.value.hint is not None
 
 
 def test_a_fall_has_no_landing(tmp_path: Path) -> None:
