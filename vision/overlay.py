@@ -233,7 +233,8 @@ class OverlayPainter:
         if row is not None:
             ball = self._tracks.ball
             x, y = ball.centre_px[row]
-            parts.append(f"ball ({x:.2f}, {y:.2f}) px, radius {ball.radius_px[row]:.2f} px")
+            size = f", radius {ball.radius_px[row]:.2f} px" if ball.sized else ""
+            parts.append(f"ball ({x:.2f}, {y:.2f}) px{size}")
         if self._tracks.pendulum is not None:
             row = _row(self._tracks.pendulum.track, index)
             if row is not None:
@@ -268,7 +269,8 @@ class OverlayPainter:
         row = _row(ball, index)
         if row is None:
             return
-        self._circle(view, ball.centre_px[row], float(ball.radius_px[row]), colour, self._thick)
+        if ball.sized:
+            self._circle(view, ball.centre_px[row], float(ball.radius_px[row]), colour, self._thick)
         self._circle(view, ball.centre_px[row], 1.5 * self._thick / self.scale, colour, -1)
 
     def _draw_pendulum(self, view: ColourImage, index: int, pendulum: PendulumTrack) -> None:

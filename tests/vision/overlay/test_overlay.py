@@ -88,6 +88,15 @@ def test_marks_stand_where_things_are(clip, tracks):
     assert near(image, CONTACT, WIDTH - 1, HEIGHT - 1, scale)
 
 
+def test_what_has_no_known_size_has_no_outline(clip, tracks):
+    ball = replace(tracks.ball, radius_std_px=np.full(COUNT, np.nan))
+    image = overlay_still(clip, replace(tracks, ball=ball), frame=3)
+    scale = image.shape[1] // WIDTH
+    x, y = ball.centre_px[3]
+    assert near(image, BALL, x, y, scale)
+    assert not near(image, BALL, x, y - 14.0, scale)
+
+
 def test_only_the_past_of_the_track_and_only_contact_frames_are_marked(clip, tracks):
     marks = OverlayMarks(contact=(2, 4))
     early = overlay_still(clip, tracks, marks, frame=1)
