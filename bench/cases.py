@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipelines.measure.chain import MeasureOptions
-from pipelines.setup.file import load_setup
-from pipelines.setup.tables import CameraSetup, Setup, WallSetup
+from measuring.chain import MeasureOptions
+from measuring.setup.file import load_setup
+from measuring.setup.tables import CameraSetup, Setup, WallSetup
 
 SHIPPED = Path(__file__).parents[1] / "sample_videos" / "clips"
 

@@ -16,11 +16,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
+from measuring.chain import MeasureOptions, measure_clip
+from measuring.setup.file import load_setup
 from metrology.quantity import format_quantity
-from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measure.files import overlay_marks, report_input
 from pipelines.report.plots import STYLE, panels_of, write_plot
-from pipelines.setup.file import load_setup
 from vision.clip.clip import ClipReader
 from vision.overlay import overlay_still
 

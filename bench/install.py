@@ -16,7 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 CLIP = ROOT / "sample_videos" / "clips" / "basketball_60.mp4"
-IMPORTS = "import pipelines.cli, pipelines.measure.commands, pipelines.measure.chain"
+IMPORTS = "import pipelines.cli, pipelines.measure.commands, measuring.chain"
 """What `vision measure` imports before it opens a clip."""
 _IMPORT_RUNS = 7
 """Runs of the import, of which the fastest counts: other programs only slow it (chosen)."""

@@ -14,10 +14,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from measuring.chain import MeasureOptions, measure_clip
+from measuring.setup.file import Setup
 from physics.bodies import BASKETBALL, JOKKU
 from pipelines.calibrate.plan import Filming, film_scene, planned_setup, predict_recording
-from pipelines.measure.chain import MeasureOptions, measure_clip
-from pipelines.setup.file import Setup
 from sample_videos.render import render_clip
 from sample_videos.truth import Truth
 

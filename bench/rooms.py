@@ -8,9 +8,9 @@ import numpy as np
 
 from bench.cases import Case, rendered
 from calib.camera import Camera
+from measuring.chain import MeasureOptions
+from measuring.setup.tables import CameraSetup, Setup, WallSetup
 from physics.bodies import BALLS
-from pipelines.measure.chain import MeasureOptions
-from pipelines.setup.tables import CameraSetup, Setup, WallSetup
 from sample_videos.render import render_clip
 from sample_videos.scene import (
     BallLook,

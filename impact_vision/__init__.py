@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from measuring.setup.file import Setup as Setup
     from physics import effects as effects
     from pipelines.api.explained import Verdict as Verdict
     from pipelines.api.explained import explain as explain
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from pipelines.campaign.conduct import Campaign as Campaign
     from pipelines.campaign.conduct import campaign as campaign
     from pipelines.law import law as law
-    from pipelines.setup.file import Setup as Setup
 
 __all__ = [
     "CalibratedClip",
@@ -59,7 +59,7 @@ _HOMES = {
     "Measurement": "pipelines.api.measured",
     "ModelResult": "pipelines.api.modelled",
     "QuantityView": "pipelines.api.quantities",
-    "Setup": "pipelines.setup.file",
+    "Setup": "measuring.setup.file",
     "Verdict": "pipelines.api.explained",
     "calibrate": "pipelines.api.measured",
     "campaign": "pipelines.campaign.conduct",

@@ -15,6 +15,9 @@ import pandas as pd
 import typer
 from numpy.typing import NDArray
 
+from measuring.setup.cor_file import ball_law, write_cor_file
+from measuring.setup.file import meant_name
+from measuring.setup.tables import BallSetup, Setup
 from metrology import (
     DomainError,
     Quantity,
@@ -45,9 +48,6 @@ from pipelines.interop.tables import plain_name, unit_of
 from pipelines.measure.files import software_version
 from pipelines.report.inputs import ReportInput
 from pipelines.report.page import write_report
-from pipelines.setup.cor_file import ball_law, write_cor_file
-from pipelines.setup.file import meant_name
-from pipelines.setup.tables import BallSetup, Setup
 from pipelines.terminal import screen
 
 if TYPE_CHECKING:

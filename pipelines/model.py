@@ -19,6 +19,17 @@ import numpy as np
 import typer
 from rich.table import Table
 
+from measuring.setup.cor_file import BallLaw, law_of_ball, read_cor_file
+from measuring.setup.file import (
+    BallSetup,
+    Origin,
+    RigNumber,
+    Setup,
+    ball_from_option,
+    load_setup,
+    rig_of,
+)
+from measuring.setup.tables import read_parameter
 from metrology import (
     Contribution,
     Defaults,
@@ -64,17 +75,6 @@ from pipelines.doors import (
     ResultsJsonOption,
     SetupFileOption,
 )
-from pipelines.setup.cor_file import BallLaw, law_of_ball, read_cor_file
-from pipelines.setup.file import (
-    BallSetup,
-    Origin,
-    RigNumber,
-    Setup,
-    ball_from_option,
-    load_setup,
-    rig_of,
-)
-from pipelines.setup.tables import read_parameter
 from pipelines.terminal import screen
 
 if TYPE_CHECKING:

@@ -10,6 +10,7 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from calib.camera import Camera, rotation_matrix
+from measuring.setup.file import Setup
 from metrology import UsageError, measurands, parse_quantity, read_number
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT
 from pipelines.doors import EffectOption, FileRole, NamedBallOption, SetupFileOption
@@ -20,7 +21,6 @@ from pipelines.model import (
     setup_or_default,
     start_angle,
 )
-from pipelines.setup.file import Setup
 from pipelines.terminal import screen
 from sample_videos import Encoding, Physics, Scene, Shake, Shot, Truth, render_clip, strike
 from sample_videos.render import SUFFIXES

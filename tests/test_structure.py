@@ -20,6 +20,7 @@ PACKAGES = (
     "calib",
     "mismatch",
     "sample_videos",
+    "measuring",
     "pipelines",
     "impact_vision",
 )
@@ -31,8 +32,9 @@ MAY_IMPORT = {
     "calib": {"metrology", "vision"},
     "mismatch": {"metrology", "physics"},
     "sample_videos": {"metrology", "physics", "vision", "calib"},
+    "measuring": {"metrology", "physics", "vision", "calib"},
     "pipelines": set(PACKAGES) - {"impact_vision"},
-    "impact_vision": {"physics", "pipelines"},
+    "impact_vision": {"measuring", "physics", "pipelines"},
 }
 MAX_FILES_IN_A_FOLDER = 14
 MODULES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
@@ -161,7 +163,7 @@ def _without_advice(path: Path) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("package", ["metrology", "calib", "pipelines"])
+@pytest.mark.parametrize("package", ["metrology", "calib", "measuring", "pipelines"])
 def test_every_error_message_has_a_hint(package: str) -> None:
     found = [one for path in (ROOT / package).rglob("*.py") for one in _without_advice(path)]
     assert found == []

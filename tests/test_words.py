@@ -18,6 +18,7 @@ FOLDERS = (
     "bench",
     "calib",
     "impact_vision",
+    "measuring",
     "metrology",
     "mismatch",
     "physics",

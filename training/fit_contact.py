@@ -7,7 +7,7 @@ are each a mixture of two normal distributions with the mean 0: the seen face wi
 uncertainty or another part of the mass, and a track that holds or one that slips. The logarithm of
 the contact time is Cauchy's, since other balls may be far softer or harder. The mass beside the
 ball moves its outline while they touch, by half a sine. Maximum likelihood, with 95 % intervals by
-resampling of strikes, goes to pipelines/measure/face_prior.json.
+resampling of strikes, goes to measuring/face_prior.json.
 """
 
 import argparse
@@ -23,16 +23,16 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
-import pipelines.measure
+import measuring
+from measuring import chain, impact
+from measuring.setup.tables import Setup
 from metrology import ImpactVisionError
-from pipelines.measure import chain, impact
-from pipelines.setup.tables import Setup
 from training.fit_striker import strikes
 from vision.tracks import Track
 
 FloatArray = NDArray[np.float64]
 
-OUTPUT = Path(pipelines.measure.__file__).with_name("face_prior.json")
+OUTPUT = Path(measuring.__file__).with_name("face_prior.json")
 RESAMPLED = 200
 
 

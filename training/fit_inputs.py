@@ -15,13 +15,13 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from bench.concealed.statistics import wilson
+from measuring.setup.file import load_setup
 from metrology import write_text_whole
 from mismatch.fitting.prepare import prepare
 from mismatch.search.inputs import PRIOR_COST, lead_of_inputs
 from mismatch.search.naming import name_effects
 from physics.effects import CATALOGUE
 from pipelines.explain.campaign import baseline_from_setup, load_campaign
-from pipelines.setup.file import load_setup
 
 __all__ = ["fit_cost", "lead"]
 

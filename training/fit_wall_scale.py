@@ -14,8 +14,8 @@ import numpy as np
 
 from calib.camera import Camera
 from calib.solve import lens_of_view, planned_grid
+from measuring.checker.scene import SceneFacts, equations_of, upright
 from metrology import CalibrationError
-from pipelines.checker.scene import SceneFacts, equations_of, upright
 
 CAMERAS = 400
 RATE = 240.0

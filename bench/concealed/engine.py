@@ -14,7 +14,7 @@ from pipelines.explain.command import explain_command
 
 __all__ = ["engine_answer", "engine_version"]
 
-SOURCES = ("metrology", "physics", "mismatch", "pipelines/explain", "pipelines/setup")
+SOURCES = ("metrology", "physics", "mismatch", "pipelines/explain", "measuring/setup")
 """Folders whose modules an answer depends on."""
 
 

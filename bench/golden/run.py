@@ -19,8 +19,8 @@ import numpy as np
 import impact_vision as iv
 from bench.golden.items import ClipInput, Item, TableInput, input_of
 from bench.marked import marked_objects
+from measuring import chain
 from metrology import write_text_whole
-from pipelines.measure import chain
 from vision.tracks import Track
 
 __all__ = ["run_item"]

@@ -165,7 +165,7 @@ def load_commands() -> None:
     from pipelines.cli import _COMMANDS
 
     lazy = ("av", "cv2", "matplotlib.figure", "openpyxl", "scipy.optimize",
-            "pipelines.api.explained", "pipelines.measure.chain")  # fmt: skip
+            "pipelines.api.explained", "measuring.chain")  # fmt: skip
     for name in (*(command.module for command in _COMMANDS.values()), *lazy):
         import_module(name)
     # building the registry of units takes half a second

@@ -21,13 +21,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from measuring.chain import measure_clip
+from measuring.measurement import ClipMeasurement
 from metrology import ImpactVisionError, write_text_whole
 from pipelines.api.quantities import measure_options
 from pipelines.explain.tabular import read_sheet
 from pipelines.interop.measured import measure_from_tracks
 from pipelines.interop.tables import parse_columns
-from pipelines.measure.chain import measure_clip
-from pipelines.measure.measurement import ClipMeasurement
 from vision.clip.clip import ClipReader
 
 __all__ = ["CASES", "Case", "verdict_of"]

@@ -2,7 +2,7 @@
 
 Each clip with a known set-up is tracked once; then its rate, ball and grid are stated rightly and
 wrongly: ``python -m bench.inputs.wrong FOLDER… > table.csv``. The last lines compare the scales
-by outline, grid and fall of rightly stated clips; the uncertainties of `pipelines.checker.scene`
+by outline, grid and fall of rightly stated clips; the uncertainties of `measuring.checker.scene`
 were fitted to them.
 """
 
@@ -15,12 +15,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from calib.grid import WallGrid, find_wall_grid
+from measuring.chain import FollowedClip, MeasureOptions, tracked_once
+from measuring.checker.clips import clip_facts
+from measuring.checker.scene import SceneFacts, equations_of, findings_of, upright
+from measuring.inputs import gather_inputs
+from measuring.setup.file import Setup
 from metrology import CalibrationError, ImpactVisionError
-from pipelines.checker.clips import clip_facts
-from pipelines.checker.scene import SceneFacts, equations_of, findings_of, upright
-from pipelines.measure.chain import FollowedClip, MeasureOptions, tracked_once
-from pipelines.measure.inputs import gather_inputs
-from pipelines.setup.file import Setup
 from vision.clip.clip import ClipReader
 from vision.clip.footage import CaptureRate, RateSource, nominal_rate_std
 from vision.following import follow

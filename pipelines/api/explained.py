@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from measuring.setup.tables import checked_values
 from metrology import UsageError
 from mismatch import EngineVerdict as Answer
 from mismatch import ExplainedCampaign
@@ -15,7 +16,6 @@ from pipelines.api.wording import worded_for_python
 from pipelines.explain.campaign import explain_files_in_full, explain_table_file
 from pipelines.explain.report import figure_of, verdict_html, write_explain_report
 from pipelines.explain.tabular import TableLike
-from pipelines.setup.tables import checked_values
 
 if TYPE_CHECKING:
     import pandas as pd

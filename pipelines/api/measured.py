@@ -10,6 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.calibration import Calibration
+from measuring import measurement as chain
+from measuring.chain import measure_clip
+from measuring.measurement import bob_pendulum, track_covariance, tracks_as_frame
+from measuring.setup.file import Setup, read_setup
+from measuring.setup.tables import ModelSetup, checked_values
 from metrology import (
     CalibrationError,
     ClipError,
@@ -37,8 +42,6 @@ from pipelines.api.wording import in_python, worded_for_python
 from pipelines.calibrate.command import find_unattended
 from pipelines.calibrate.saving import lens_for, setup_text
 from pipelines.calibrate.session import Session, session_of
-from pipelines.measure import measurement as chain
-from pipelines.measure.chain import measure_clip
 from pipelines.measure.files import (
     measurement_as_dict,
     measurement_as_row,
@@ -46,12 +49,9 @@ from pipelines.measure.files import (
     report_input,
     without_formulas,
 )
-from pipelines.measure.measurement import bob_pendulum, track_covariance, tracks_as_frame
 from pipelines.render import NOISE, RenderOptions, parse_size, planned_scene
 from pipelines.report.page import results_html, write_report
 from pipelines.report.plots import plot_panel, plots_figure
-from pipelines.setup.file import Setup, read_setup
-from pipelines.setup.tables import ModelSetup, checked_values
 from sample_videos import Truth, render_clip
 from vision.clip.clip import ClipReader
 from vision.clip.clip import ClipReader as Recording
@@ -80,7 +80,7 @@ class Measurement:
 
     Parameters
     ----------
-    record : pipelines.measure.measurement.ClipMeasurement
+    record : measuring.measurement.ClipMeasurement
         Result of the measuring chain.
     setup : Setup, optional
         With which it was measured.
@@ -89,7 +89,7 @@ class Measurement:
     ----------
     quantities : Mapping of str to QuantityView
         In the order of the results table; missing ones carry a reason.
-    record : pipelines.measure.measurement.ClipMeasurement
+    record : measuring.measurement.ClipMeasurement
         The result itself: tracks in pixels, calibration, fits.
     """
 

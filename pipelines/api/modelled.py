@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from measuring.setup.tables import checked_values
 from metrology import Quantity, UsageError, measurands, read_number
 from physics.air import PAPER_AIR, SUBCRITICAL_DRAG
 from physics.bodies import GRAVITY
@@ -31,7 +32,6 @@ from pipelines.model import (
 from pipelines.model import plan as plan_strike
 from pipelines.model import simulate as simulate_strike
 from pipelines.report.page import results_html
-from pipelines.setup.tables import checked_values
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,6 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from measuring.budget import Propagation
+from measuring.chain import MeasureOptions
+from measuring.measurement import Axes
+from measuring.setup.file import Setup, load_setup
 from metrology import (
     Contribution,
     MeasurementError,
@@ -18,13 +22,9 @@ from metrology import (
     read_scale,
 )
 from pipelines.api.wording import in_python
-from pipelines.measure.budget import Propagation
-from pipelines.measure.chain import MeasureOptions
 from pipelines.measure.files import column_of, without_formulas
-from pipelines.measure.measurement import Axes
 from pipelines.report.inputs import quantity_label, quantity_rows, quantity_text
 from pipelines.report.page import results_html
-from pipelines.setup.file import Setup, load_setup
 from vision.tracks import MotionKind
 
 if TYPE_CHECKING:

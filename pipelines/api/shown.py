@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from measuring.budget import JointCovariance
 from pipelines.api.quantities import QuantityView
-from pipelines.measure.budget import JointCovariance
 
 if TYPE_CHECKING:
     from uncertainties.core import AffineScalarFunc

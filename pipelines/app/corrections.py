@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import tomli_w
 
+from measuring.chain import MeasureOptions
+from measuring.measurement import Axes
 from metrology import UsageError, parse_toml, read_small_text, write_text_whole
 from metrology.files import shown_path
 from metrology.measurands import STICK_LENGTH, read_given
 from pipelines.api.quantities import measure_options
-from pipelines.measure.chain import MeasureOptions
-from pipelines.measure.measurement import Axes
 from pipelines.terminal import as_typed
 from vision.finding.linking import MIN_FOUND_ROWS
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from measuring.inputs import main_quantities
+from measuring.measurement import QUANTITY_UNITS, ClipMeasurement
 from metrology import write_text_whole, written_whole
 from pipelines.measure.files import (
     WantedFiles,
@@ -14,8 +16,6 @@ from pipelines.measure.files import (
     report_input,
     without_formulas,
 )
-from pipelines.measure.inputs import main_quantities
-from pipelines.measure.measurement import QUANTITY_UNITS, ClipMeasurement
 from pipelines.report.inputs import ReportInput
 from pipelines.report.page import report_html, write_report
 from vision.clip.clip import ClipReader

@@ -3,18 +3,18 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
-from metrology import Contribution, Quantity
-from metrology.quantity import format_pair, format_unit
-from pipelines.checker.scene import Finding
-from pipelines.measure.inputs import (
+from measuring.checker.scene import Finding
+from measuring.checks import Check, CheckKind, CheckOutcome
+from measuring.inputs import (
     LENGTHLESS_UNITS,
     TIMELESS_UNITS,
     kinds_of,
     main_quantities,
 )
-from pipelines.measure.measurement import ClipMeasurement, motion_warning
-from pipelines.report import Check, CheckOutcome
-from pipelines.report.inputs import CheckKind, for_people, quantity_label
+from measuring.measurement import ClipMeasurement, motion_warning
+from metrology import Contribution, Quantity
+from metrology.quantity import format_pair, format_unit
+from pipelines.report.inputs import for_people, quantity_label
 
 __all__ = ["Figure", "Standing", "figures_of"]
 

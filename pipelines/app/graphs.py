@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipelines.measure.files import report_input
-from pipelines.measure.measurement import (
+from measuring.measurement import (
     BALL,
     PENDULUM,
     ClipMeasurement,
     on_axes,
     tracks_as_frame,
 )
+from pipelines.measure.files import report_input
 from pipelines.report import Curve, GapRecord, ReportInput, SpeedRecord
 from vision.tracks import MotionKind
 

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from measuring.measurement import ClipMeasurement
 from pipelines.measure.files import overlay_marks
-from pipelines.measure.measurement import ClipMeasurement
 from vision.tracks import PendulumTrack, Track
 
 if TYPE_CHECKING:

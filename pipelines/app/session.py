@@ -36,9 +36,9 @@ from vision.clip.images import is_image
 if TYPE_CHECKING:
     import pandas as pd
 
+    from measuring.measurement import ClipMeasurement
     from pipelines.app.pages.why import ClipExplained
     from pipelines.calibrate.session import Session
-    from pipelines.measure.measurement import ClipMeasurement
 
 __all__ = ["AppSession", "ClipSession"]
 

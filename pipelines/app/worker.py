@@ -13,16 +13,16 @@ from pathlib import Path
 from threading import RLock, Thread
 from typing import TYPE_CHECKING, Any
 
+from measuring.chain import MeasureOptions, measure_clip
 from metrology import ImpactVisionError, NotFoundError
 from metrology.kept import KeptResults
-from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.processes import end_with_parent
 from vision.stages import candidate_table, detect, given_objects, link
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from pipelines.measure.measurement import ClipMeasurement
+    from measuring.measurement import ClipMeasurement
 
 __all__ = ["ClipAnswer", "Measurer", "Task"]
 

@@ -15,17 +15,17 @@ from numpy.typing import NDArray
 from calib.board import Board, find_board
 from calib.grid import WallGrid
 from calib.lens import LensPrior, calibrate_lens, read_lens, write_lens
-from metrology import ClipError, Defaults, UsageError, measurands, read_given
-from metrology.measurands import Given, Measurand
-from physics.bodies import BALLS
-from pipelines.calibrate.corners import WallSource
-from pipelines.measure.inputs import Inputs, gather_inputs
-from pipelines.setup.file import (
+from measuring.inputs import Inputs, gather_inputs
+from measuring.setup.file import (
     SIZE_AND_MASS,
     Setup,
     ball_from_option,
     setup_from_document,
 )
+from metrology import ClipError, Defaults, UsageError, measurands, read_given
+from metrology.measurands import Given, Measurand
+from physics.bodies import BALLS
+from pipelines.calibrate.corners import WallSource
 from vision.clip.clip import ClipReader
 from vision.clip.footage import CaptureRate, choose_capture_rate
 from vision.clip.picture import ClipInfo, decoded_image

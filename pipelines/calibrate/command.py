@@ -15,6 +15,7 @@ from calib.calibration import Evidence, Known, Parameters
 from calib.grid import WallGrid, find_wall_grid
 from calib.lens import calibrate_lens, read_lens, write_lens
 from calib.solve import camera_movement, solve
+from measuring.setup.file import load_setup
 from metrology import (
     CalibrationError,
     Defaults,
@@ -30,7 +31,6 @@ from pipelines.calibrate.plan import plan_filming_command
 from pipelines.calibrate.saving import lens_for, read_view
 from pipelines.calibrate.session import Session, session_of
 from pipelines.doors import FileRole
-from pipelines.setup.file import load_setup
 from pipelines.terminal import DefaultCommandGroup
 from vision.clip.clip import ClipReader
 from vision.clip.footage import choose_capture_rate, rate_from_blinking

@@ -9,6 +9,12 @@ from numpy.typing import NDArray
 
 from calib.calibration import Calibration, Evidence
 from calib.solve import SeenFall, solve
+from measuring.budget import ClipConditions
+from measuring.chain import FollowedClip
+from measuring.checker.clips import clip_findings
+from measuring.checker.scene import Finding
+from measuring.gravity import seen_fall
+from measuring.metres import scene_evidence, stated_evidence
 from metrology import (
     CalibrationError,
     Contribution,
@@ -18,12 +24,6 @@ from metrology import (
     read_number,
 )
 from pipelines.calibrate.answers import Answers
-from pipelines.checker.clips import clip_findings
-from pipelines.checker.scene import Finding
-from pipelines.measure.budget import ClipConditions
-from pipelines.measure.chain import FollowedClip
-from pipelines.measure.gravity import seen_fall
-from pipelines.measure.metres import scene_evidence, stated_evidence
 
 __all__ = ["LengthComparison", "Outlook", "compare_length", "length_between", "outlook"]
 

@@ -35,6 +35,19 @@ from calib.solve import (
     planned_grid,
     solve,
 )
+from measuring.budget import ClipConditions as Known
+from measuring.budget import (
+    derived_values,
+    random_covariance,
+    systematic_budget,
+    values_after_move,
+)
+from measuring.gravity import seen_fall
+from measuring.impact import find_impact
+from measuring.inputs import gather_inputs
+from measuring.metres import CameraMapping, scene_evidence, tracks_in_metres
+from measuring.results import Evaluated, NoScale, results_of
+from measuring.setup.file import BallSetup, CameraSetup, Setup, WallSetup
 from metrology import (
     Defaults,
     MeasurementError,
@@ -47,24 +60,11 @@ from metrology import (
 )
 from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT, Ball, Pendulum, Support
 from pipelines.doors import NamedBallOption, NoTableOption, ResultsJsonOption
-from pipelines.measure.budget import ClipConditions as Known
-from pipelines.measure.budget import (
-    derived_values,
-    random_covariance,
-    systematic_budget,
-    values_after_move,
-)
-from pipelines.measure.gravity import seen_fall
-from pipelines.measure.impact import find_impact
-from pipelines.measure.inputs import gather_inputs
-from pipelines.measure.metres import CameraMapping, scene_evidence, tracks_in_metres
-from pipelines.measure.results import Evaluated, NoScale, results_of
 from pipelines.model import (
     choose_ball,
     quantities_as_json,
     setup_or_default,
 )
-from pipelines.setup.file import BallSetup, CameraSetup, Setup, WallSetup
 from pipelines.terminal import screen
 from sample_videos.bodies import pivot, swing_rotation
 from sample_videos.scene import Scene, Sensor

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 from scipy.stats import t as student
 
+from measuring.setup.file import Setup
 from metrology import TooLittleDataError, UsageError
 from physics.bodies import Ball, lost_by_pendulum, lost_by_pendulum_approximate
 from physics.contact import external_impulse
@@ -24,7 +25,6 @@ from physics.cor_fit import CorLawFit, CorPoints, fit_cor_laws, repeated_levels
 from physics.forward import Experiment, closed_form_landing, impulsive_launch, numerical_landing
 from pipelines.campaign.results import SENSORS, ClipResult, SensorColumn
 from pipelines.model import choose_ball, experiment_of
-from pipelines.setup.file import Setup
 
 __all__ = [
     "Agreement",

@@ -12,6 +12,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from measuring.setup.cor_file import BallLaw, ball_law, with_laws, write_cor_file
+from measuring.setup.file import Setup, ball_from_option, meant_name
+from measuring.setup.tables import checked_values
 from metrology import ImpactVisionError, MeasurementError, UsageError, write_text_whole
 from metrology.files import printable
 from physics.bodies import BALLS
@@ -50,9 +53,6 @@ from pipelines.campaign.run import (
     run,
 )
 from pipelines.measure.files import software_version
-from pipelines.setup.cor_file import BallLaw, ball_law, with_laws, write_cor_file
-from pipelines.setup.file import Setup, ball_from_option, meant_name
-from pipelines.setup.tables import checked_values
 from pipelines.terminal import counted
 
 __all__ = ["Campaign", "CampaignOptions", "Edition", "campaign", "conduct", "publish"]

@@ -20,6 +20,7 @@ import typer
 from numpy.typing import NDArray
 from rich.table import Table
 
+from measuring.setup.file import Rig, rig_of
 from metrology import Defaults, DomainError, MeasurementError, UsageError, write_text_whole
 from physics.bodies import Ball, Pendulum
 from physics.restitution import ConstantCor, CorLaw, ExponentialCor
@@ -28,7 +29,6 @@ from pipelines.campaign.ledger import Ledger
 from pipelines.campaign.results import ClipResult, clip_results, not_counted, recordings
 from pipelines.doors import CorLawOption, NamedBallOption, SetupFileOption
 from pipelines.model import asked, plan_command, scatter_of, setup_or_default
-from pipelines.setup.file import Rig, rig_of
 from pipelines.terminal import DefaultCommandGroup, screen
 
 __all__ = [

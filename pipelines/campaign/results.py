@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from measuring.inputs import QUANTITY_UNITS, main_quantities
 from metrology import UsageError, parse_quantity, write_text_whole
 from metrology.files import printable, written_whole
 from pipelines.campaign.files import clip_key
@@ -23,7 +24,6 @@ from pipelines.campaign.ledger import Entry, State
 from pipelines.interop.headers import folded
 from pipelines.interop.sheets import refuse_sideways
 from pipelines.measure.files import column_name, without_formulas
-from pipelines.measure.inputs import QUANTITY_UNITS, main_quantities
 from vision.tracks import MotionKind
 
 __all__ = [

@@ -204,12 +204,12 @@ def answer(request: Request) -> dict[str, Any]:
 
 
 def _measured(request: Request) -> dict[str, Any]:
+    from measuring.chain import measure_clip
+    from measuring.measurement import tracks_as_csv
     from metrology import write_text_whole
     from metrology.files import written_whole
     from pipelines.api.quantities import measure_options
-    from pipelines.measure.chain import measure_clip
     from pipelines.measure.files import measurement_as_dict, overlay_marks
-    from pipelines.measure.measurement import tracks_as_csv
     from vision.clip.clip import ClipReader
     from vision.clip.footage import CaptureRate, RateSource
     from vision.overlay import overlay_still

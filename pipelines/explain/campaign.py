@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from measuring.setup.file import BallSetup, Origin, Setup, load_setup, rig_of
 from metrology import Defaults, SetupError, TooLittleDataError, UsageError
 from mismatch import EngineVerdict, ExplainedCampaign, Options, explain_in_full
 from mismatch.fitting.stated import stated_inputs
@@ -48,7 +49,6 @@ from pipelines.explain.tabular import (
     read_sheet,
 )
 from pipelines.interop.tables import made_elsewhere, read_samples
-from pipelines.setup.file import BallSetup, Origin, Setup, load_setup, rig_of
 
 __all__ = [
     "baseline_for_balls",

@@ -15,6 +15,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from measuring.measurement import steady_px
+from measuring.setup.file import Setup
 from metrology import (
     ClipError,
     Defaults,
@@ -38,13 +40,11 @@ from physics.effects.measurement import (
     WanderingMass,
 )
 from pipelines.explain.tabular import numbers_of, read_sheet
-from pipelines.measure.measurement import steady_px
-from pipelines.setup.file import Setup
 
 if TYPE_CHECKING:
     from calib.calibration import Calibration
-    from pipelines.measure.chain import MeasureOptions
-    from pipelines.measure.measurement import ClipMeasurement
+    from measuring.chain import MeasureOptions
+    from measuring.measurement import ClipMeasurement
 
 __all__ = [
     "ClipCampaign",
@@ -348,7 +348,7 @@ def _scale_and_roll(calibration: "Calibration", px: np.ndarray) -> tuple[float, 
     outer = np.outer(std[free], std[free])
     lengths, axes = np.linalg.eigh(calibration.covariance[np.ix_(free, free)] / outer)
     nothing = np.zeros((len(px), 2, 2))
-    from pipelines.measure.metres import CameraMapping
+    from measuring.metres import CameraMapping
 
     def track(step: np.ndarray) -> np.ndarray:
         moved = np.zeros(std.size)
@@ -662,7 +662,7 @@ def campaign_from_clips(
     ClipError, MeasurementError
         If no clip can be read and measured: the first clip's reason.
     """
-    from pipelines.measure.chain import MeasureOptions, measure_clip
+    from measuring.chain import MeasureOptions, measure_clip
 
     names = [path.stem for path in clips]
     again = sorted({name for name in names if names.count(name) > 1})
@@ -718,7 +718,7 @@ def campaign_of_flight(measured: "ClipMeasurement", setup: Setup) -> ClipCampaig
     UsageError
         If there is no scale, or no flight.
     """
-    from pipelines.measure.measurement import tracks_as_frame
+    from measuring.measurement import tracks_as_frame
 
     name = measured.info.path.stem
     # gravity is along y of the picture, not of axes that were turned

@@ -9,6 +9,8 @@ from typing import Annotated
 
 import typer
 
+from measuring.setup.cor_file import read_cor_file, with_laws
+from measuring.setup.file import load_setup
 from metrology import UsageError, write_each, write_text_whole
 from mismatch import ExplainedCampaign
 from mismatch.trial_table import TableExplained
@@ -26,8 +28,6 @@ from pipelines.interop.tables import (
     made_elsewhere,
     parse_columns,
 )
-from pipelines.setup.cor_file import read_cor_file, with_laws
-from pipelines.setup.file import load_setup
 
 __all__ = ["explain_command", "improved_setup"]
 

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from pipelines.checker.fall import MIN_FALL_ROWS, units_by_fall
+from measuring.checker.fall import MIN_FALL_ROWS, units_by_fall
 from pipelines.interop.headers import folded, is_unit_row, may_be_position, unit_word
 from pipelines.interop.sheets import with_numbers
 

@@ -11,8 +11,18 @@ import pandas as pd
 import typer
 from numpy.typing import NDArray
 
+from measuring.cache import clip_digest
+from measuring.chain import (
+    FollowedClip,
+    MeasureOptions,
+    measure_tracks,
+    measurement_of,
+)
+from measuring.inputs import Inputs, gather_inputs
+from measuring.measurement import ClipMeasurement, steady_px, tracks_as_frame
+from measuring.metres import centre_of_arc
+from measuring.setup.file import load_setup
 from metrology import MeasurementError, UsageError, write_text_whole, written_whole
-from pipelines.cache import clip_digest
 from pipelines.interop.external import (
     BALL,
     FOREIGN,
@@ -34,16 +44,6 @@ from pipelines.interop.tables import (
     parse_columns,
     read_table_of_tracks,
 )
-from pipelines.measure.chain import (
-    FollowedClip,
-    MeasureOptions,
-    measure_tracks,
-    measurement_of,
-)
-from pipelines.measure.inputs import Inputs, gather_inputs
-from pipelines.measure.measurement import ClipMeasurement, steady_px, tracks_as_frame
-from pipelines.measure.metres import centre_of_arc
-from pipelines.setup.file import load_setup
 from pipelines.terminal import screen
 from vision.clip.clip import ClipReader
 from vision.clip.footage import choose_capture_rate

@@ -21,9 +21,10 @@ import pandas as pd
 import tomli_w
 from numpy.typing import NDArray
 
+from measuring.checker.fall import TableUnits, units_by_fall
+from measuring.checker.pace import repeats_of
+from measuring.measurement import CAMERA_COLUMNS
 from metrology import Defaults, UsageError, parse_quantity, write_text_whole
-from pipelines.checker.fall import TableUnits, units_by_fall
-from pipelines.checker.pace import repeats_of
 from pipelines.interop.external import (
     ExternalTrack,
     ExternalTracks,
@@ -55,7 +56,6 @@ from pipelines.interop.sheets import (
     text_of,
     with_numbers,
 )
-from pipelines.measure.measurement import CAMERA_COLUMNS
 from pipelines.terminal import screen
 
 __all__ = [

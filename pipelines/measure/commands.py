@@ -23,6 +23,12 @@ from typing import Annotated, Any, Generic, TypeVar
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from measuring.budget import Propagation
+from measuring.chain import MeasureOptions, measure_clip
+from measuring.inputs import QuantityName, gather_inputs, kinds_of
+from measuring.measurement import QUANTITY_UNITS, ClipMeasurement
+from measuring.results import missing_input
+from measuring.setup.file import load_setup
 from metrology import (
     ImpactVisionError,
     MeasurementError,
@@ -65,8 +71,6 @@ from pipelines.doors import (
     TracksOption,
     refuse_clashes,
 )
-from pipelines.measure.budget import Propagation
-from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measure.files import (
     WantedFiles,
     measurement_as_json,
@@ -76,12 +80,8 @@ from pipelines.measure.files import (
     software_version,
     without_formulas,
 )
-from pipelines.measure.inputs import QuantityName, gather_inputs, kinds_of
-from pipelines.measure.measurement import QUANTITY_UNITS, ClipMeasurement
-from pipelines.measure.results import missing_input
 from pipelines.processes import end_with_parent
 from pipelines.report.inputs import for_people, quantity_label, quantity_text
-from pipelines.setup.file import load_setup
 from pipelines.terminal import counted, screen
 from vision.clip.clip import ClipReader
 from vision.tracks import MotionKind

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
+from measuring.impact import Impact, gap_after, gap_before
+from measuring.inputs import QuantityName, kinds_of, main_quantities
+from measuring.measurement import BALL, ClipMeasurement, alternative_kinds, in_metres
+from measuring.metres import arm_along_bar
+from measuring.results import MAX_LANDING_GAP_S
 from metrology import Quantity, UsageError, write_each, write_text_whole
 from metrology.files import printable
-from pipelines.measure.impact import Impact, gap_after, gap_before
-from pipelines.measure.inputs import QuantityName, kinds_of, main_quantities
-from pipelines.measure.measurement import BALL, ClipMeasurement, alternative_kinds, in_metres
-from pipelines.measure.metres import arm_along_bar
-from pipelines.measure.results import MAX_LANDING_GAP_S
 from pipelines.report import (
     Curve,
     GapRecord,
@@ -388,7 +388,7 @@ def _write_tracks(path: Path, measured: ClipMeasurement, clip: Path | None) -> N
 
         write_tracks(path, external_of(measured, path, clip))
         return
-    from pipelines.measure.measurement import tracks_as_csv
+    from measuring.measurement import tracks_as_csv
 
     write_text_whole(path, tracks_as_csv(measured))
 

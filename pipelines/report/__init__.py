@@ -4,9 +4,6 @@
 """
 
 from pipelines.report.inputs import (
-    Check,
-    CheckKind,
-    CheckOutcome,
     Curve,
     GapRecord,
     Moment,
@@ -17,9 +14,6 @@ from pipelines.report.inputs import (
 )
 
 __all__ = [
-    "Check",
-    "CheckKind",
-    "CheckOutcome",
     "Curve",
     "GapRecord",
     "Moment",

@@ -6,19 +6,16 @@ first frame.
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from measuring.checks import Check
 from metrology import Quantity
 from metrology.quantity import format_quantity, format_value
 
 __all__ = [
-    "Check",
-    "CheckKind",
-    "CheckOutcome",
     "Curve",
     "GapRecord",
     "Moment",
@@ -124,64 +121,6 @@ class PathRecord:
     residual_x_m: FloatArray | None = None
     residual_y_m: FloatArray | None = None
     residual_std_m: FloatArray | None = None
-
-
-class CheckKind(StrEnum):
-    """What a measurement is tested against."""
-
-    GRAVITY = "gravity"
-    COR_AGREEMENT = "agreement of the COR estimates"
-    BALL_SPEEDS = "ball speed by the paper's methods"
-    CONTACT_BOUND = "longest contact time possible for the ball"
-    BALL_SIZE = "size of the ball at the scale of its plane"
-    PENDULUM_LENGTH = "length of the pendulum"
-    PASSIVE = "speed after a passive contact"
-    RELEASE = "where the flight begins"
-    STEADY_FALL = "same acceleration in both halves of the flight"
-    MOMENTUM = "momentum of two equal bodies"
-
-
-class CheckOutcome(StrEnum):
-    """Outcome of a check."""
-
-    PASSED = "passed"
-    FAILED = "failed"
-    UNDECIDED = "can't tell"
-    """The check could not have detected a relevant deviation."""
-
-
-@dataclass(frozen=True)
-class Check:
-    """A consistency test of the measurement.
-
-    Attributes
-    ----------
-    kind : CheckKind
-    outcome : CheckOutcome
-    statement : str
-        The outcome in a sentence, with its numbers.
-    power : float or None
-        Probability that a relevant deviation fails the check.
-    """
-
-    kind: CheckKind
-    outcome: CheckOutcome
-    statement: str
-    power: float | None = None
-
-    @property
-    def name(self) -> str:
-        """What is tested, in plain text."""
-        return self.kind.value
-
-    @property
-    def passed(self) -> bool | None:
-        """None if undecided."""
-        return (
-            None
-            if self.outcome is CheckOutcome.UNDECIDED
-            else (self.outcome is CheckOutcome.PASSED)
-        )
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-OURS = ("calib", "impact_vision", "metrology", "mismatch", "physics", "pipelines", "sample_videos",
-        "vision")  # fmt: skip
+OURS = ("calib", "impact_vision", "measuring", "metrology", "mismatch", "physics", "pipelines",
+        "sample_videos", "vision")  # fmt: skip
 
 
 def _imported() -> set[tuple[str, str]]:

@@ -7,7 +7,7 @@ import pytest
 from bench.concealed.answer import Answer, Named
 from bench.real import balldrop, juggling_mocap, rocket_coast, rod_pendulum
 from bench.real.falling import Fall, fall_of, predict
-from pipelines.setup.file import load_setup
+from measuring.setup.file import load_setup
 from tests.shared_data import shared_folder
 
 

@@ -13,7 +13,7 @@ from bench.concealed.filmed.pixels import right
 from bench.concealed.filmed.scenes import FILMED, setup_text, takes
 from bench.concealed.run import Stop, run_until
 from bench.concealed.world.draw import draw_campaign
-from pipelines.setup.file import read_setup
+from measuring.setup.file import read_setup
 
 
 def _double(task):

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bench.insert import MARK, filled, pages, read_results, values
-from pipelines.setup.file import load_setup
+from measuring.setup.file import load_setup
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"

@@ -17,6 +17,8 @@ from matplotlib.figure import Figure
 
 import impact_vision as iv
 import sample_videos
+from measuring.chain import FollowedClip, MeasureOptions, measure_tracks
+from measuring.inputs import gather_inputs
 from metrology import (
     ClipError,
     MeasurementError,
@@ -30,8 +32,6 @@ from metrology import (
 from physics.bodies import BALLS, PAPER_PENDULUM, PAPER_SUPPORT
 from physics.restitution import ConstantCor
 from pipelines.api.quantities import length_text
-from pipelines.measure.chain import FollowedClip, MeasureOptions, measure_tracks
-from pipelines.measure.inputs import gather_inputs
 
 CLIPS = Path(sample_videos.__file__).parent / "clips"
 CLIP = CLIPS / "jokku_90_small.mp4"

@@ -147,7 +147,7 @@ def test_all_modules_use_the_unit_parser() -> None:
     root = Path(__file__).parents[2]
     solvers = {"least_squares", "leastsq", "curve_fit"}
     round_it = []
-    for package in ("calib", "physics", "vision", "pipelines", "mismatch"):
+    for package in ("calib", "physics", "vision", "measuring", "pipelines", "mismatch"):
         for path in (root / package).rglob("*.py"):
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 module = getattr(node, "module", "") or ""

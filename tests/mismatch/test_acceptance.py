@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from bench.real.made import SwingRig, write_swings
+from measuring.setup.file import load_setup
 from mismatch import explain
 from mismatch.acceptance import (
     FORM_ERROR,
@@ -32,7 +33,6 @@ from mismatch.search.naming import Naming, name_effects
 from mismatch.verdict import DOUBTED, Doubt, Passed, Prediction, _at_bound, _own_like_noise
 from physics.effects import CATALOGUE
 from pipelines.explain.campaign import baseline_from_setup, load_campaign
-from pipelines.setup.file import load_setup
 from tests.mismatch.synthetic import struck_campaign, thrown_campaign
 
 SURE = NameEvidence("drag", (), 400.0, 60.0, 60.0, 0.7, (0.6, 0.8), 80.0, 0.0, -5.0, 0, 0)

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import sample_videos
+from measuring.setup.file import load_setup
 from mismatch.candidates import candidates_for
 from mismatch.fitting.prepare import Prepared, prepare
 from mismatch.records import BallModel, Baseline, CampaignRecords, Trial
 from physics.effects import CATALOGUE
 from pipelines.explain.campaign import baseline_from_setup, load_campaign
-from pipelines.setup.file import load_setup
 
 CAMPAIGN = Path(sample_videos.__file__).parent / "campaign"
 STRONG = 10.0

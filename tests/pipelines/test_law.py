@@ -11,13 +11,13 @@ from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
 import impact_vision as iv
+from measuring.setup.cor_file import read_cor_file
 from metrology import DomainError, ImpactVisionError, TooLittleDataError, UsageError
 from physics.air import PAPER_AIR, standard_drag
 from physics.bodies import BALLS, GRAVITY
 from physics.cor_fit import AveragedLaw
 from physics.rebound import FallingBall
 from pipelines.cli import app
-from pipelines.setup.cor_file import read_cor_file
 from tests.shared_data import shared_folder
 
 MASS, DIAMETER = 2.7e-3, 0.040

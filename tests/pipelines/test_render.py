@@ -9,9 +9,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from measuring.setup.file import Setup, read_setup
 from metrology import ImpactVisionError, UsageError
 from pipelines.render import RenderOptions, parse_size, planned_scene, render_command
-from pipelines.setup.file import Setup, read_setup
 
 app = typer.Typer()
 app.command()(render_command)

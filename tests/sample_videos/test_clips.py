@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from bench.shipped import CLIPS, FOLDER
+from measuring.setup.file import load_setup
 from metrology import UsageError
-from pipelines.setup.file import load_setup
 from sample_videos import (
     Encoding,
     Scene,

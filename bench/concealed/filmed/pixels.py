@@ -19,16 +19,16 @@ from bench.concealed.answer import Answer, answer_from_json
 from bench.concealed.engine import engine_version
 from bench.concealed.filmed.scenes import FILMED, Filmed, Take, setup_text, takes
 from bench.concealed.run import Stop, run_until
+from measuring.chain import MeasureOptions, measure_clip
+from measuring.measurement import ClipMeasurement
+from measuring.setup.file import load_setup
 from metrology import ImpactVisionError, write_text_whole, written_whole
 from pipelines.explain.campaign import explain_campaign
 from pipelines.explain.clips import campaign_from_clips, clip_facts, with_rig
-from pipelines.measure.chain import MeasureOptions, measure_clip
-from pipelines.measure.measurement import ClipMeasurement
-from pipelines.setup.file import load_setup
 from sample_videos.render import render_clip
 
 ROOT = Path(__file__).parents[3]
-CHAIN = ("vision/**/*.py", "calib/**/*.py", "pipelines/measure/**/*.py")
+CHAIN = ("vision/**/*.py", "calib/**/*.py", "measuring/**/*.py")
 
 
 def _filmed(folder: Path, filmed: Filmed, take: Callable[[], Take], number: int) -> Path:

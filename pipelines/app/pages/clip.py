@@ -9,6 +9,8 @@ from typing import Any
 
 from nicegui import ui
 
+from measuring.measurement import Axes
+from measuring.setup.file import SIZE_AND_MASS
 from metrology import UsageError
 from pipelines.app.corrections import FIXED_POINTS, ClipInputs, Corrections, Stick, cure_of
 from pipelines.app.figures import LARGE_FIGURES, Figure, Standing
@@ -16,8 +18,6 @@ from pipelines.app.pages.frame import ClipFrame, FramePoint, PlacedAt
 from pipelines.app.pages.spans import SpanCard
 from pipelines.app.session import AppSession, ClipSession
 from pipelines.app.words import Say, hint_of, label_of, on_page
-from pipelines.measure.measurement import Axes
-from pipelines.setup.file import SIZE_AND_MASS
 from pipelines.web import Jobs
 from vision.tracks import MotionKind
 

@@ -6,10 +6,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bench.real.made import STRING, write_swings
+from measuring.setup.file import load_setup
 from metrology import UsageError
 from pipelines.explain.campaign import load_campaign
 from pipelines.explain.command import explain_files_in_full
-from pipelines.setup.file import load_setup
 
 
 @pytest.fixture(scope="module")

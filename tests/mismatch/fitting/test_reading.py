@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bench.real.made import CART, ENCODER, write_swings
+from measuring.setup.file import load_setup
 from mismatch.candidates import candidates_for
 from mismatch.explain import explain
 from mismatch.fitting.fit import Ending
@@ -15,7 +16,6 @@ from mismatch.fitting.reading import resolution
 from physics.effects import CATALOGUE
 from physics.effects.measurement import PivotElsewhere, ReadingLag
 from pipelines.explain.campaign import baseline_from_setup, load_campaign
-from pipelines.setup.file import load_setup
 
 
 def _loaded(tmp_path, rig):

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from bench.real.made import CART, STRING, write_swings
+from measuring.setup.file import load_setup
 from mismatch.candidates import candidates_for
 from mismatch.fitting.fit import Ending, fit_model, free_parameters, seen_swings
 from mismatch.fitting.hypotheses import fit_hypothesis
 from mismatch.fitting.prepare import Prepared, prepare
 from physics.effects import CATALOGUE
 from pipelines.explain.campaign import baseline_from_setup, load_campaign
-from pipelines.setup.file import load_setup
 
 LOSSES = ("bearing_friction", "viscous_damping", "pendulum_drag")
 

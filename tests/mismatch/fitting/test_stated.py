@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from bench.real.made import SwingRig, write_flights, write_swings
+from measuring.setup.file import load_setup
 from mismatch.candidates import candidates_for
 from mismatch.fitting.hypotheses import fit_hypothesis
 from mismatch.fitting.prepare import prepare
 from physics.effects import CATALOGUE
 from pipelines.explain.campaign import baseline_from_setup, load_campaign
-from pipelines.setup.file import load_setup
 
 SWINGS = SwingRig(0.5, 0.5, 0.05, 0.0, 0.0, 0.0, 1e-3, 1e-5, 50.0, 6.0, (0.8, -0.7))
 

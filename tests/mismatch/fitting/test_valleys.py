@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from bench.concealed.second.draw import draw_campaign
+from measuring.setup.file import load_setup
 from mismatch.candidates import candidates_for
 from mismatch.fitting.fit import fit_model, free_parameters
 from mismatch.fitting.hypotheses import fit_hypothesis
@@ -12,7 +13,6 @@ from mismatch.fitting.scan import scan
 from mismatch.search.naming import Naming, _confirmed
 from physics.effects import CATALOGUE, Form
 from pipelines.explain.campaign import baseline_from_setup, load_campaign
-from pipelines.setup.file import load_setup
 
 
 @pytest.fixture(scope="module")

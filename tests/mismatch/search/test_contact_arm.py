@@ -3,12 +3,12 @@
 import json
 
 from bench.concealed.foreign import convert
+from measuring.setup.file import load_setup
 from mismatch.candidates import candidates_for
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import scan
 from physics.effects import CATALOGUE
 from pipelines.explain.campaign import baseline_from_setup, load_campaign
-from pipelines.setup.file import load_setup
 from tests.shared_data import shared_folder
 
 

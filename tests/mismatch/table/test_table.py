@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from measuring.setup.file import read_setup
 from metrology import SetupError, TooLittleDataError, UsageError
 from mismatch.forward import ForwardModel
 from mismatch.trial_table import TrialTable, explain_table, table_forward
@@ -14,7 +15,6 @@ from physics.forward import Experiment, time_resolved_landing
 from physics.restitution import ConstantCor
 from pipelines.explain.campaign import baseline_for_balls
 from pipelines.paper import BACKSWINGS_DEG, TABLE_5, constant_law, measured_speeds
-from pipelines.setup.file import read_setup
 from tests.mismatch.table.trial_tables import BALLS, SETUP, lab, simulated_table
 
 

@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 
+from measuring.setup.file import read_setup
 from mismatch.records import Baseline
 from mismatch.trial_table import TrialTable
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT, Ball
@@ -13,7 +14,6 @@ from physics.flight import land_many
 from physics.forward import Experiment, ball_state
 from physics.swing import frictionless_speed
 from pipelines.explain.campaign import baseline_for_balls
-from pipelines.setup.file import read_setup
 
 SETUP = """
 [pendulum]

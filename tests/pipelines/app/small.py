@@ -6,9 +6,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from pipelines.measure.chain import MeasureOptions, measure_clip
-from pipelines.measure.measurement import ClipMeasurement
-from pipelines.setup.file import load_setup
+from measuring.chain import MeasureOptions, measure_clip
+from measuring.measurement import ClipMeasurement
+from measuring.setup.file import load_setup
 
 __all__ = ["CLIP", "FALL", "falling", "strike"]
 

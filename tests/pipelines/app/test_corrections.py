@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from measuring.measurement import Axes
 from metrology import OutputError, UsageError
 from pipelines.app.corrections import (
     END_STD_PX,
@@ -23,7 +24,6 @@ from pipelines.app.corrections import (
     read_corrections,
     write_corrections,
 )
-from pipelines.measure.measurement import Axes
 from vision.tracks import MotionKind
 
 CLIP = Path("/lab/a strike.mp4")

@@ -10,11 +10,11 @@ import openpyxl
 import pandas as pd
 import pytest
 
+from measuring.chain import measure_clip
 from metrology import UsageError
 from pipelines.api.quantities import measure_options
 from pipelines.app.exports import EXPORTS, sheet_html, written
 from pipelines.app.words import on_page, says
-from pipelines.measure.chain import measure_clip
 from pipelines.report.inputs import quantity_label
 from tests.pipelines.app.small import strike
 from vision.clip.clip import ClipReader

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from bench.page.served import ROOT, running
+from measuring.setup.file import load_setup
 from pipelines.app.corrections import ClipInputs, corrections_file, read_corrections
-from pipelines.setup.file import load_setup
 from tests.pipelines.app.small import CLIP, FALL, falling
 from tests.pipelines.calibrate.wizard_page import chromium, opened_plain, until
 

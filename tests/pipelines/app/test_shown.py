@@ -7,24 +7,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from measuring.chain import measure_clip
+from measuring.checker.scene import Finding
+from measuring.checks import Check, CheckKind, CheckOutcome
+from measuring.inputs import (
+    TIMELESS_UNITS,
+    Assumption,
+    gather_inputs,
+    quantities_except,
+)
+from measuring.measurement import ClipMeasurement
+from measuring.setup.file import Setup
 from physics.bodies import GRAVITY
 from pipelines.api.quantities import measure_options
 from pipelines.app.figures import Standing, figures_of
 from pipelines.app.graphs import MAX_POINTS, graphs_of
 from pipelines.app.marks import MAX_CANDIDATES, marks_of
 from pipelines.app.words import hint_of, on_page, says
-from pipelines.checker.scene import Finding
-from pipelines.measure.chain import measure_clip
-from pipelines.measure.inputs import (
-    TIMELESS_UNITS,
-    Assumption,
-    gather_inputs,
-    quantities_except,
-)
-from pipelines.measure.measurement import ClipMeasurement
-from pipelines.report import Check, CheckOutcome
-from pipelines.report.inputs import CheckKind
-from pipelines.setup.file import Setup
 from tests.pipelines.app.small import CLIP, strike
 from vision.stages import candidate_table
 

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from measuring.chain import measure_clip
+from measuring.measurement import bob_pendulum
 from metrology import NotFoundError, SetupError
 from physics.bodies import GRAVITY
 from pipelines.app.corrections import ClipInputs, Corrections, options_of
 from pipelines.app.graphs import graphs_of
 from pipelines.app.pages.why import command_of, explained
-from pipelines.measure.chain import measure_clip
-from pipelines.measure.measurement import bob_pendulum
 from tests.pipelines.app.small import CLIP, strike
 from vision.tracks import MotionKind
 

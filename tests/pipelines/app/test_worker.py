@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from measuring.chain import MeasureOptions
+from measuring.setup.file import load_setup
 from metrology.kept import KeptResults
 from pipelines.app.corrections import ObjectMark, corrected_table
 from pipelines.app.worker import ClipAnswer, Measurer, Task, measured_answer
-from pipelines.measure.chain import MeasureOptions
 from pipelines.measure.files import measurement_as_json
-from pipelines.setup.file import load_setup
 from tests.pipelines.app.small import CLIP
 
 

@@ -7,9 +7,9 @@ import pytest
 from typer.testing import CliRunner
 
 import pipelines.measure.commands as batch
+from measuring.chain import MeasureOptions
 from metrology import UsageError
 from pipelines.cli import app
-from pipelines.measure.chain import MeasureOptions
 from pipelines.measure.commands import Done, Folder, Job, files_of, measure_all
 from pipelines.measure.files import WantedFiles
 from tests.pipelines.app.small import falling

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from calib.camera import Camera, Lens
-from pipelines.measure.chain import MeasureOptions, measure_clip
-from pipelines.setup.file import load_setup
+from measuring.chain import MeasureOptions, measure_clip
+from measuring.setup.file import load_setup
 from tests.calib.synthetic import rendered
 from tests.pipelines.calibrate.wizard_page import (
     CLIP,

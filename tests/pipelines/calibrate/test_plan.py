@@ -9,9 +9,9 @@ import pytest
 from typer.testing import CliRunner
 
 from bench.planning import COMPARED, SETTINGS, compared
+from measuring.measurement import QUANTITY_UNITS
 from pipelines.calibrate.plan import Filming, PlannedRecording, compare_changes, predict_recording
 from pipelines.cli import app
-from pipelines.measure.measurement import QUANTITY_UNITS
 
 SMALL = Filming(width=432, height=240)
 

@@ -12,6 +12,7 @@ from calib.camera import Camera, Lens
 from calib.grid import WallGrid
 from calib.lens import read_lens
 from calib.solve import camera_movement
+from measuring.setup.file import load_setup
 from metrology import CalibrationError, ClipError, SetupError, UsageError
 from pipelines.calibrate.answers import (
     Answers,
@@ -26,7 +27,6 @@ from pipelines.calibrate.drawing import grid_lines, shaded_map
 from pipelines.calibrate.outlook import compare_length, length_between, outlook
 from pipelines.calibrate.saving import read_view, save, setup_text
 from pipelines.calibrate.session import Session, with_corners, with_grid
-from pipelines.setup.file import load_setup
 from pipelines.web import Jobs
 from tests.calib.synthetic import rendered
 

@@ -8,13 +8,13 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from measuring.inputs import QUANTITY_UNITS, main_quantities
 from metrology import UsageError
 from pipelines.campaign.conduct import CampaignOptions, conduct
 from pipelines.campaign.files import PUBLISHED, clip_key, refuse_occupied, staged, sweep
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State, WorkOrder
 from pipelines.campaign.results import read_lab_book, results_frame, write_tables
 from pipelines.measure.files import column_name
-from pipelines.measure.inputs import QUANTITY_UNITS, main_quantities
 from vision.tracks import MotionKind
 
 RESULTS = ["motion", "warnings", "state", "error", "excluded", "reason_cor"] + [

@@ -140,11 +140,11 @@ def test_a_ledger_of_a_later_version_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_published_tables_keep_lab_book_and_reasons(tmp_path: Path) -> None:
+    from measuring.setup.cor_file import read_cor_file
+    from measuring.setup.file import Setup
     from pipelines.campaign.conduct import Edition, publish
     from pipelines.campaign.report import ReportFacts
     from pipelines.campaign.results import read_lab_book
-    from pipelines.setup.cor_file import read_cor_file
-    from pipelines.setup.file import Setup
 
     names = [f"s{i:02d}" for i in range(14)]
     clips, out = _clips(tmp_path / "clips", [*names, "refuse"]), tmp_path / "out"

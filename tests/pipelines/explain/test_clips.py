@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from measuring.setup.file import read_setup
 from metrology import (
     ClipError,
     Contribution,
@@ -32,7 +33,6 @@ from pipelines.explain.clips import (
     with_rig,
     within_calibration,
 )
-from pipelines.setup.file import read_setup
 
 SETUP = read_setup('[ball]\npreset = "jokku"\n')
 

@@ -8,10 +8,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from measuring.setup.file import read_setup
 from metrology import TooLittleDataError, UsageError
 from pipelines.explain.campaign import explain_files, load_campaign
 from pipelines.explain.command import explain_command
-from pipelines.setup.file import read_setup
 from tests.mismatch.synthetic import thrown_campaign
 
 SETUP = """

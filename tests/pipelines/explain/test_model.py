@@ -5,12 +5,12 @@ import json
 import pytest
 from typer.testing import CliRunner
 
+from measuring.setup.file import load_setup
 from mismatch.forward import ForwardModel
 from mismatch.trial_table import explain_table
 from physics.effects import CATALOGUE
 from pipelines.cli import app
 from pipelines.explain.command import improved_setup
-from pipelines.setup.file import load_setup
 from tests.mismatch.table.trial_tables import SETUP, lab, simulated_table
 
 

@@ -7,10 +7,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from measuring.setup.file import load_setup
 from metrology import UsageError
 from pipelines.explain.campaign import is_trial_table, load_trial_table
 from pipelines.explain.command import explain_command
-from pipelines.setup.file import load_setup
 from tests.mismatch.table.trial_tables import SETUP, simulated_table
 
 

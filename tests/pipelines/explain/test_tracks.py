@@ -4,11 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from measuring.setup.file import read_setup
 from metrology import UsageError
 from mismatch.verdict import DOUBTED, Doubt
 from pipelines.explain.campaign import explain_files
 from pipelines.explain.clips import flight_rows, is_track_table, swing_rows
-from pipelines.setup.file import read_setup
 
 TOUCH, RELEASE, PUSHED, LANDS = 0.1, 0.115, 0.04, 0.5
 PX_PER_M = 200.0

@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from measuring.setup.file import Setup
 from metrology import UsageError
 from pipelines.explain.campaign import load_campaign
 from pipelines.interop.measured import read_tracks
 from pipelines.interop.tables import read_samples
-from pipelines.setup.file import Setup
 
 ROWS = 80
 T = np.arange(ROWS) / 200.0

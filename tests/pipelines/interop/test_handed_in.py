@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from measuring.checker.fall import find_fall, units_by_fall
 from metrology import MeasurementError, UsageError
 from pipelines.api.quantities import measure_options
-from pipelines.checker.fall import find_fall, units_by_fall
 from pipelines.cli import app
 from pipelines.interop.headers import positions_of, read_clock, time_column
 from pipelines.interop.measured import measure_from_tracks, read_tracks

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from measuring.chain import MeasureOptions, measure_clip
 from metrology import UsageError
 from pipelines.interop.external import ExternalTrack, ExternalTracks, PlaneOfMotion, Program
 from pipelines.interop.measured import (
@@ -21,7 +22,6 @@ from pipelines.interop.measured import (
     write_tracks,
 )
 from pipelines.interop.tables import parse_columns
-from pipelines.measure.chain import MeasureOptions, measure_clip
 from tests.vision.clip.written_clips import scene, write_clip
 
 SHARED = Path(os.environ.get("IMPACT_VISION_SHARED", "../shared")) / "clips"

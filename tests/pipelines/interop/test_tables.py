@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 
+from measuring.chain import MeasureOptions
+from measuring.checks import CheckKind
+from measuring.setup.file import load_setup
 from metrology import UsageError
 from pipelines.interop.external import Program
 from pipelines.interop.measured import (
@@ -12,9 +15,6 @@ from pipelines.interop.measured import (
     track_table,
 )
 from pipelines.interop.tables import column_use, keep_columns, made_elsewhere, parse_columns
-from pipelines.measure.chain import MeasureOptions
-from pipelines.report import CheckKind
-from pipelines.setup.file import load_setup
 
 # as Kinovea 0.8 exports to Gnuplot on a French machine
 KINOVEA = """#Kinovea Trajectory data export

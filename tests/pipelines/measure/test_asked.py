@@ -9,21 +9,21 @@ import pytest
 
 from calib.grid import WallGrid
 from calib.solve import planned_grid
-from metrology import Quantity
-from pipelines.calibrate.plan import Filming, film_scene, planned_setup, planned_tracks
-from pipelines.measure import metres
-from pipelines.measure.budget import DERIVED, derived_values
-from pipelines.measure.chain import (
+from measuring import metres
+from measuring.budget import DERIVED, derived_values
+from measuring.chain import (
     FittedClip,
     FollowedClip,
     fit_tracks,
     measurement_of,
     quantities_of,
 )
+from measuring.flight_fit import FlightFit
+from measuring.inputs import gather_inputs
+from measuring.results import NOT_ASKED, needed
+from metrology import Quantity
+from pipelines.calibrate.plan import Filming, film_scene, planned_setup, planned_tracks
 from pipelines.measure.commands import CONTACT, COR, LANDING, LAUNCH
-from pipelines.measure.flight_fit import FlightFit
-from pipelines.measure.inputs import gather_inputs
-from pipelines.measure.results import NOT_ASKED, needed
 from vision.clip.footage import CaptureRate, RateSource
 from vision.clip.picture import ClipInfo
 from vision.tracks import Motion, MotionKind

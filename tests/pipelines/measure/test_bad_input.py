@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from measuring.chain import MeasureOptions, measure_clip
 from metrology import ClipError, NotFoundError
 from pipelines.cli import app
-from pipelines.measure.chain import MeasureOptions, measure_clip
 from tests.pipelines.measure.small_clips import Frames, written
 from tests.vision.ball.painted import struck_ball
 from vision.tracks import MotionKind

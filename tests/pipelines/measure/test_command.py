@@ -12,14 +12,14 @@ import pytest
 from typer.testing import CliRunner
 
 import sample_videos
+from measuring.budget import Propagation
+from measuring.chain import MeasureOptions
+from measuring.checks import MIN_CHECK_POWER
+from measuring.impact import disc_contact
+from measuring.measurement import ClipMeasurement
+from measuring.setup.file import read_setup
 from metrology import ClipError, SetupError, UnitError, parse_measured, parse_quantity
 from pipelines.cli import app
-from pipelines.measure.budget import Propagation
-from pipelines.measure.chain import MeasureOptions
-from pipelines.measure.checks import MIN_CHECK_POWER
-from pipelines.measure.impact import disc_contact
-from pipelines.measure.measurement import ClipMeasurement
-from pipelines.setup.file import read_setup
 from tests.shared_data import shared_folder
 from vision.clip.clip import ClipReader
 from vision.following import follow

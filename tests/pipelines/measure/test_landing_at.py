@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from measuring.chain import MeasureOptions, measure_clip
+from measuring.measurement import ClipMeasurement
+from measuring.setup.file import load_setup
 from metrology import UsageError
 from pipelines.api.quantities import measure_options
-from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measure.files import overlay_marks
-from pipelines.measure.measurement import ClipMeasurement
-from pipelines.setup.file import load_setup
 from tests.pipelines.app.small import CLIP, falling, strike
 
 TRUTH = json.loads(CLIP.with_suffix(".truth.json").read_text(encoding="utf-8"))["quantities"]

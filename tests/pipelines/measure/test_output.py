@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from metrology import Quantity
-from pipelines.interop.measured import read_tracks
-from pipelines.measure.files import measurement_as_dict, report_input, without_formulas
-from pipelines.measure.measurement import (
+from measuring.measurement import (
     ClipMeasurement,
     motion_warning,
     steady_px,
     tracks_as_frame,
 )
+from metrology import Quantity
+from pipelines.interop.measured import read_tracks
+from pipelines.measure.files import measurement_as_dict, report_input, without_formulas
 from vision.clip.footage import CaptureRate, RateSource
 from vision.clip.picture import ClipInfo
 from vision.tracks import FollowedObject, Motion, MotionKind, MotionModel, Track, Tracks

@@ -2,18 +2,9 @@
 
 import numpy as np
 
+from measuring.checks import Check, CheckKind, CheckOutcome
 from metrology import Contribution, Quantity
-from pipelines.report import (
-    Check,
-    CheckKind,
-    CheckOutcome,
-    Curve,
-    GapRecord,
-    Moment,
-    PathRecord,
-    ReportInput,
-    SpeedRecord,
-)
+from pipelines.report import Curve, GapRecord, Moment, PathRecord, ReportInput, SpeedRecord
 
 ONSET, RELEASE = 0.0840, 0.0981
 SPEED, ANGLE, G = 6.361, np.radians(12.34), 9.806

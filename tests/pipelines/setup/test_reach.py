@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import pytest
 
+from measuring.setup.file import Setup
 from metrology import Quantity
 from pipelines.calibrate import plan as foresight
 from pipelines.calibrate.plan import Filming, film_scene
 from pipelines.model import asked, scatter_of, simulate
-from pipelines.setup.file import Setup
 
 FILMING = Filming(width=432, height=240)
 

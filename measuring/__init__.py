@@ -1,0 +1,1 @@
+"""From tracks to quantities: contact, flight, gravity, checks, uncertainties."""
