@@ -1,9 +1,8 @@
 """Round things among what moved: circles voted for by the edges that the static scene lacks.
 
 Each edge pixel of the difference image votes for the centres that lie a radius away along its
-gradient,
-on both sides, since a panelled ball is brighter than the wall here and darker there. The vote is
-taken at several picture scales, so that one short list of radii covers balls of 5 to 200 pixels.
+gradient, on both sides, since a panelled ball is brighter than the wall here and darker there. The
+vote is taken at several picture scales, so that one short list of radii covers 5 to 200 pixels.
 
 Circles beside one another: the same one, a panel of a larger one, the softness about one.
 """
@@ -19,16 +18,12 @@ from numpy.typing import NDArray
 from metrology.compiled import compiled
 from vision.ball.edges import EdgePoints, edge_points, places
 
-__all__ = ["Circles", "distinct", "find_circles", "fit_to_edges"]
+__all__ = ["Circles", "distinct", "find_circles", "fit_to_edges", "ordinate_bounds", "rows_within"]
 
 FloatImage = NDArray[np.float32]
 
 # Centre x, y, radius, coverage, sharpness.
 Circle = tuple[float, float, float, float, float]
-
-# Outlines whose covered parts differ by less are as complete.
-
-# A rim that changed by less than this part of the middle is blur.
 
 
 def rank(circle: Circle) -> float:
@@ -66,9 +61,6 @@ _SECTORS = 16
 _FEWEST_EDGES = 8
 """Edge points: a circle has three unknowns, more than half are to spare."""
 
-# A change of so many units of noise is a change for certain; how strong it is no longer counts, so
-# that a ball's panels and its shading vanish, and its outline stays.
-
 # A level of fewer pixels than this is searched whole.
 _SMALL_LEVEL = 20_000
 
@@ -101,13 +93,6 @@ _FLAT, _LEAST_FITTED = 1e-3, 1.5
 _NEAR_RIM, _STEEPEST = 0.3, 200.0
 """Weight from which an edge covers its sector; and units of noise beyond which an edge is no
 clearer: a black ball before white."""
-
-_SHORTEST, _LONGEST, _LIKE_A_STREAK = 0.7, 3.0, 0.8
-"""Radii that a streak is long at least; radii (half of it) at most; part in common with a swept
-disc, supposed."""
-_FEWEST_STREAK_PIXELS, _WIDTH = 20, 0.98
-"""Pixels of a streak at least; share of them that is nearer to its line than its radius."""
-
 
 _SQUARE_WITHIN = math.sqrt(0.5)
 """Radii: half the side of the square within a circle."""
@@ -202,7 +187,7 @@ def _searched(level: FloatImage, scale: int, radii: FloatArray, most: int) -> li
     least = float(np.sort(support)[-most]) if len(support) > most else 0.0
     found: list[Circle] = []
     for edges, peaks in voted:
-        found += fit_to_edges(edges, peaks[peaks[:, 3] >= least, :3])
+        found += map(tuple, fit_to_edges(edges, peaks[peaks[:, 3] >= least, :3]).tolist())
     return found
 
 
@@ -330,12 +315,12 @@ def _vote(
                         votes[layer, beside, along] += np.float32(1.0)
 
 
-def fit_to_edges(edges: EdgePoints, start: FloatArray) -> list[Circle]:
-    """Fit circles (x, y, radius) to the edges near them, and say how much of them is covered."""
+def fit_to_edges(edges: EdgePoints, start: FloatArray) -> FloatArray:
+    """Fit circles (x, y, radius) to the edges near them; add coverage and sharpness (n, 5)."""
     found = np.column_stack([start, np.zeros((len(start), 2))])
     alive = np.empty(len(start), dtype=np.bool_)
     _fit_circles(edges.x, edges.y, edges.nx, edges.ny, edges.strength, found, alive)
-    return [(row[0], row[1], row[2], row[3], row[4]) for row in found[alive].tolist()]
+    return found[alive]
 
 
 def distinct(circles: FloatArray) -> NDArray[np.bool_]:
@@ -369,8 +354,31 @@ def _fit_circles(
     circles: FloatArray,
     alive: NDArray[np.bool_],
 ) -> None:
+    bounds = ordinate_bounds(y)
     for place in range(len(circles)):
-        alive[place] = _fit_circle(x, y, nx, ny, strength, circles[place])
+        alive[place] = _fit_circle(x, y, nx, ny, strength, bounds, circles[place])
+
+
+@compiled
+def ordinate_bounds(y: FloatImage) -> FloatImage:
+    """Largest ordinate of each point and those before it, least of it and those after (2, n)."""
+    count = len(y)
+    bounds = np.empty((2, count), dtype=np.float32)
+    highest, least = y[0], y[count - 1]
+    for k in range(count):
+        highest, least = max(highest, y[k]), min(least, y[count - 1 - k])
+        bounds[0, k], bounds[1, count - 1 - k] = highest, least
+    return bounds
+
+
+@compiled
+def rows_within(bounds: FloatImage, low: float, high: float) -> tuple[int, int]:
+    """The first of the points that may have ordinates in a range, and the one after the last.
+
+    They are few where points are in the order of a picture's rows.
+    """
+    first = np.searchsorted(bounds[0], low)
+    return int(first), int(np.searchsorted(bounds[1], high, side="right"))
 
 
 @compiled
@@ -380,6 +388,7 @@ def _fit_circle(
     nx: FloatImage,
     ny: FloatImage,
     strength: FloatImage,
+    bounds: FloatImage,
     circle: FloatArray,
 ) -> bool:
     """Move a circle (x, y, radius, …) to the edges near it by least squares; whether it stands.
@@ -392,12 +401,15 @@ def _fit_circle(
         last, near = step == _CIRCLE_STEPS - 1, 0
         a, b, c, d, e, f = _FLAT, 0.0, 0.0, _FLAT, 0.0, _FLAT
         p, q, r = 0.0, 0.0, 0.0
-        for k in range(len(x)):
+        least, most = circle[2] - tolerance, circle[2] + tolerance
+        first, stop = rows_within(bounds, circle[1] - most, circle[1] + most)
+        for k in range(first, stop):
             dx, dy = x[k] - circle[0], y[k] - circle[1]
-            rho = max(math.sqrt(dx * dx + dy * dy), 1e-6)
-            gap = rho - circle[2]
-            if abs(gap) >= tolerance:
+            square = dx * dx + dy * dy
+            if square >= most * most or square <= least * least:
                 continue
+            rho = math.sqrt(square)
+            gap = rho - circle[2]
             ux, uy = dx / rho, dy / rho
             if abs(ux * nx[k] + uy * ny[k]) <= _ALONG:
                 continue

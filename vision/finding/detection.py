@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology.compiled import compiled
-from vision.ball.circles import distinct, fit_to_edges
+from vision.ball.circles import distinct, fit_to_edges, ordinate_bounds, rows_within
 from vision.ball.edges import EdgePoints
 from vision.scene import sorted_stack
 
@@ -42,6 +42,7 @@ FloatArray = NDArray[np.float64]
 FloatImage = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 ColourImage = NDArray[np.uint8]
+Whole = np.uint64
 
 WORKING_WIDTH_PX = 320
 """Width to which pictures are reduced. Given by the budget: one vote costs 4 ms there."""
@@ -311,10 +312,9 @@ _MAX_EDGES = 3000
 """Edge points of a frame at most. Given by the budget."""
 
 
-def edges_in(smooth: FloatImage, known: Backgrounds) -> EdgePoints:
-    """Edges of a smoothed frame (h, w, 3) that some background does not have."""
-    gx, gy = gradient(smooth)
-    shape = smooth.shape[:2]
+def edges_in(gx: FloatImage, gy: FloatImage, known: Backgrounds) -> EdgePoints:
+    """Edges of a smoothed frame's derivatives (h, w, 3) that some background does not have."""
+    shape = gx.shape[:2]
     strength = np.zeros(shape, dtype=np.float32)
     nx, ny = np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.float32)
     _new_edges(gx, gy, known.gradients, known.edge_noise, _MIN_EDGE, strength, nx, ny)
@@ -351,43 +351,49 @@ def _vote(
     out of the question then.
     """
     height, width = best.shape
-    count = np.zeros(best.shape, dtype=np.uint16)
-    coarse = np.zeros((height // 4 + 2, width // 4 + 2), dtype=np.int32)
-    rows = np.empty(2 * len(x), dtype=np.int32)
-    columns = np.empty(2 * len(x), dtype=np.int32)
+    # unsigned, since signed places are checked for counting from the end
+    one, two, wide, cells_wide = Whole(1), Whole(2), Whole(width), Whole(width // 4 + 2)
+    count, highest = np.zeros(height * width, dtype=np.uint16), best.reshape(height * width)
+    layers = layer_of.reshape(height * width)
+    coarse = np.zeros((height // 4 + 2) * (width // 4 + 2), dtype=np.uint16)
+    cells, places = np.empty((2, 2 * len(x)), dtype=np.uint64)
     for layer in range(len(radii)):
-        coarse[:, :] = 0
-        used = 0
+        coarse[:] = 0
+        used = kept = Whole(0)
         for k in range(len(x)):
-            for side in range(1 + both_sides):
-                reach = radii[layer] * (1.0 - 2.0 * side)
+            reach = radii[layer]
+            for _ in range(1 + both_sides):
                 across = x[k] + reach * nx[k] + margin + 0.5
                 down = y[k] + reach * ny[k] + margin + 0.5
+                reach = -reach
                 if 1.0 <= down < height - 1.0 and 1.0 <= across < width - 1.0:
-                    rows[used], columns[used] = int(down), int(across)
-                    coarse[rows[used] // 4 + 1, columns[used] // 4 + 1] += 1
-                    used += 1
-        need = _MIN_VOTES * 2.0 * np.pi * radii[layer]
-        kept = 0
+                    row, column = Whole(down), Whole(across)
+                    coarse[((row >> two) + one) * cells_wide + (column >> two) + one] += 1
+                    # the first of four cells, in whose middle the vote lies
+                    cells[used] = ((row + two) >> two) * cells_wide + ((column + two) >> two)
+                    places[used] = row * wide + column
+                    used += one
+        need = Whole(_MIN_VOTES * 2.0 * np.pi * radii[layer])
         for k in range(used):
-            top, left = (rows[k] + 2) // 4, (columns[k] + 2) // 4
-            near = coarse[top, left] + coarse[top, left + 1]
-            near += coarse[top + 1, left] + coarse[top + 1, left + 1]
+            cell = cells[k]
+            near = Whole(coarse[cell]) + Whole(coarse[cell + one])
+            cell += cells_wide
+            near += Whole(coarse[cell]) + Whole(coarse[cell + one])
             if near > need:
-                rows[kept], columns[kept] = rows[k], columns[k]
-                kept += 1
-                for row in range(rows[k] - 1, rows[k] + 2):
-                    for column in range(columns[k] - 1, columns[k] + 2):
-                        count[row, column] += 1
+                places[kept] = places[k]
+                for row in (places[k] - wide, places[k], places[k] + wide):
+                    for place in (row - one, row, row + one):
+                        count[place] += 1
+                kept += one
         worth = 1.0 / (2.0 * np.pi * math.sqrt(radii[layer]))
         for k in range(kept):
-            for row in range(rows[k] - 1, rows[k] + 2):
-                for column in range(columns[k] - 1, columns[k] + 2):
-                    share = np.float32(worth * count[row, column])
-                    if count[row, column] > need and share > best[row, column]:
-                        best[row, column] = share
-                        layer_of[row, column] = layer
-                    count[row, column] = 0
+            for row in (places[k] - wide, places[k], places[k] + wide):
+                for place in (row - one, row, row + one):
+                    votes = Whole(count[place])
+                    count[place] = 0
+                    if votes > need and np.float32(worth * votes) > highest[place]:
+                        highest[place] = np.float32(worth * votes)
+                        layers[place] = layer
 
 
 @compiled
@@ -403,14 +409,15 @@ def _sharpen_radii(
 
     Votes are counted in squares of three pixels, in which those of radii 1.5 px apart meet.
     """
-    count = np.empty(len(radii))
+    count, bounds = np.empty(len(radii)), ordinate_bounds(y)
     for place in range(len(peaks)):
         first = np.searchsorted(radii, peaks[place, 2] - 1.5)
         stop = np.searchsorted(radii, peaks[place, 2] + 1.5)
         count[first:stop] = 0.0
         least = radii[first] - 2.0 * max(0.7, 0.1 * radii[first])
         most = radii[stop - 1] + 2.0 * max(0.7, 0.1 * radii[stop - 1])
-        for k in range(len(x)):
+        begin, end = rows_within(bounds, peaks[place, 1] - most, peaks[place, 1] + most)
+        for k in range(begin, end):
             dx, dy = x[k] - peaks[place, 0], y[k] - peaks[place, 1]
             square = dx * dx + dy * dy
             if square > most * most or square < max(least, 0.0) ** 2:
@@ -503,7 +510,11 @@ be, a background has all of it; where it is, none."""
 
 
 def whole_circles(
-    smooth: FloatImage, known: Backgrounds, radii: FloatArray, coarse: FloatArray | None = None
+    smooth: FloatImage,
+    derivatives: tuple[FloatImage, FloatImage],
+    known: Backgrounds,
+    radii: FloatArray,
+    coarse: FloatArray | None = None,
 ) -> FloatArray:
     """Circles of what changed as a whole, without those where an object was or will be (n, 5)."""
     shape = smooth.shape[:2]
@@ -514,7 +525,7 @@ def whole_circles(
     crests = _crests(nx * nx + ny * ny, nx, ny, noise)
     circles = circles_in(crests, shape, radii, coarse, both_sides=False)
     share = np.empty(len(circles))
-    _presence(*gradient(smooth), known.gradients, circles, share)
+    _presence(*derivatives, known.gradients, circles, share)
     return circles[share > _MIN_PRESENCE]
 
 
@@ -558,7 +569,7 @@ def circles_in(
         large = coarse[2.0 * coarse[:, 2] > _MIN_HALVED_PX]
         doubled = np.column_stack([2.0 * large[:, :2] + 0.5, 2.0 * large[:, 2]])
         starts = np.vstack([doubled, starts])
-    found = np.array(fit_to_edges(edges, starts), dtype=np.float64).reshape(-1, 5)
+    found = fit_to_edges(edges, starts)
     found = found[found[:, 3] >= _MIN_COVERAGE]
     found = found[np.argsort(-_clearness(found), kind="stable")]
     return found[distinct(found)][:_PER_FRAME]
@@ -685,7 +696,7 @@ def _detected(scene: "FilmedScene", wanted: IntArray, width: int, *, small: bool
         picture = pictures[index]
         smooth = smoothed(picture.astype(np.float32))
         if halves is None or half_known is None:
-            circles = circles_in(edges_in(smooth, known), smooth.shape[:2], radii)
+            circles = circles_in(edges_in(*gradient(smooth), known), smooth.shape[:2], radii)
         else:
             edged, whole = _both(smoothed(halves[index].astype(np.float32)), half_known, radii)
             circles = _together(*_both(smooth, known, radii, edged, whole))
@@ -708,11 +719,11 @@ def _both(
     whole: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Circles of edges and of what changed as a whole; with those of half the size."""
-    shape = smooth.shape[:2]
+    shape, derivatives = smooth.shape[:2], gradient(smooth)
     radii = radii[radii < 0.42 * min(shape)]
     return (
-        circles_in(edges_in(smooth, known), shape, radii, edged),
-        whole_circles(smooth, known, radii, whole),
+        circles_in(edges_in(*derivatives, known), shape, radii, edged),
+        whole_circles(smooth, derivatives, known, radii, whole),
     )
 
 
