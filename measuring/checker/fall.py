@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from metrology import Defaults
 
-__all__ = ["MIN_FALL_ROWS", "Fall", "TableUnits", "find_fall", "fit_fall", "units_by_fall"]
+__all__ = ["MIN_FALL_ROWS", "TIMES_S", "Fall", "TableUnits", "find_fall", "fit_fall",
+           "turn_of_fall", "units_by_fall"]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
 
@@ -115,8 +116,9 @@ def _fitted(t: FloatArray, place: FloatArray, noise: FloatArray) -> tuple[Fall, 
     return Fall(0, len(t) - 1, 2.0 * fitted[2] / half**2, std), rms
 
 
-_LENGTHS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
-_TIMES_S = {"s": 1.0, "ms": 1e-3}
+_LENGTHS_M = {"m": 1.0, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
+TIMES_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+"""Units of time tried, s."""
 
 _MAX_GRAVITY_DEVIATION = 0.06
 """Relative deviation of a fall from gravity (chosen: a stick's scale and drag are within 3 %; the
@@ -172,10 +174,38 @@ def units_by_fall(
         down = -float(fall.acceleration[1])
         for length, metre in _LENGTHS_M.items():
             for unit in times:
-                ratio = down * metre / _TIMES_S[unit] ** 2 / Defaults.GRAVITY.known
+                ratio = down * metre / TIMES_S[unit] ** 2 / Defaults.GRAVITY.known
                 if abs(ratio - 1.0) < _MAX_GRAVITY_DEVIATION:
                     found[length, unit] = down
     if len(found) != 1:
         return None
     (length, unit), down = next(iter(found.items()))
     return TableUnits(length, unit, down)
+
+
+def turn_of_fall(
+    tracks: Sequence[tuple[FloatArray, FloatArray]], metre: float
+) -> tuple[float, float] | None:
+    """Angle from downwards (−y) to the fall with g of the first track that has one.
+
+    Parameters
+    ----------
+    tracks : sequence of (time, place)
+        Times in s.
+    metre : float
+        Metres per unit of the places.
+
+    Returns
+    -------
+    tuple of float or None
+        Counterclockwise, with its standard uncertainty, rad.
+    """
+    for time, place in tracks:
+        fall = find_fall(time, place) if len(time) >= MIN_FALL_ROWS else None
+        if fall is None:
+            continue
+        size = float(np.hypot(*fall.acceleration))
+        if abs(size * metre / Defaults.GRAVITY.known - 1.0) < _MAX_GRAVITY_DEVIATION:
+            x, y = fall.acceleration
+            return float(np.arctan2(x, -y)), fall.std / size
+    return None

@@ -185,8 +185,11 @@ class ExternalTracks:
             ball = others.pop()
         if ball is None and (pendulum is None or others):
             names = ", ".join(repr(name) for name in given) or "none"
+            runs = all(name.startswith("run ") for name in given)
             raise UsageError(
-                f"{self.path.name} does not state which track is the ball: {names}",
+                f"{self.path.name} holds several runs, of which one is measured: {names}"
+                if runs
+                else f"{self.path.name} does not state which track is the ball: {names}",
                 hint=f'Pass --columns "ball={next(iter(given), "NAME")}", or set ball = "…" in the'
                 " table [columns] of the setup file.",
             )
@@ -262,6 +265,8 @@ FOREIGN = {
     ".npy": ("an array of NumPy", "Write it with numpy.savetxt: columns t, x, y."),
     ".npz": ("arrays of NumPy", "Write them with numpy.savetxt: columns t, x, y."),
     ".mat": ("a file of MATLAB", "Write it with writematrix as CSV: columns t, x, y."),
+    ".gz": ("a compressed file", "Unpack it and pass the file inside."),
+    ".zip": ("an archive", "Unpack it and pass the file inside."),
     ".pkl": ("a pickle, which may run code", "Write the table as CSV: frame.to_csv('t.csv')."),
 }
 """Files of positions that are not read, by their ending: what they are, and what to do."""

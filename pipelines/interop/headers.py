@@ -59,6 +59,9 @@ _DESCRIPTIONS = _set(
     " px pixel pixels mm cm m in ft"
 )
 
+_RUNS = _set("run lauf essai ensayo messung versuch durchgang set")
+"""Words before the number of a run; another number is that of an object."""
+
 _NOT_POSITIONS = _set(
     "v vx vy vel velocity speed geschwindigkeit vitesse velocidad a ax ay acc acceleration"
     " beschleunigung aceleracion std err error sigma uncertainty"
@@ -145,7 +148,9 @@ def may_be_position(name: str) -> bool:
     """Whether a column may hold positions or times, rather than velocities, angles and the like."""
     unit = re.search(r"[\(\[](.*?)[\)\]]", name)
     rate = unit is not None and _RATE_UNIT.search(unit[1]) is not None
-    return not rate and not set(_words(name)) & _NOT_POSITIONS
+    # an object may be called A or V, where the unit is a length
+    called = {"a", "v"} if unit is not None and unit_word(unit[1]) in _UNITS.values() else set()
+    return not rate and not set(_words(name)) & _NOT_POSITIONS - called
 
 
 def _object(words: Sequence[str], axis: str, runs: bool) -> str:
@@ -153,7 +158,8 @@ def _object(words: Sequence[str], axis: str, runs: bool) -> str:
     known = _DESCRIPTIONS | (_TIME if axis == "t" else _AXES[axis])
     rest = [word for word in words if word not in known and not word.isdigit()]
     numbers = [word for word in words if word.isdigit()] if runs else []
-    return " ".join([*rest, *(["run", *numbers] if numbers else [])])
+    run = ["run"] if numbers and set(words) & _RUNS else []
+    return " ".join([*rest, *run, *numbers])
 
 
 def find_header(rows: Sequence[Sequence[str]]) -> int:
@@ -192,7 +198,7 @@ _MIN_VALUES = 2
 
 def is_value(cell: str) -> bool:
     """Whether a cell is a number, with or without a unit, a time, a date, or says: none."""
-    found = re.fullmatch(r"\s*[-+]?[\d.,:/ T\u2212-]*\d[\d.,:eE+Z-]*\s*(\D*)", cell)
+    found = re.fullmatch(r"\s*[-+]?[\d.,:/ T\u2212-]*\d[\d.,:eEdD+Z-]*\s*(\D*)", cell)
     if found is None:
         return cell.strip().casefold() in ("nan", "na", "n/a")
     unit = found[1].strip().split("/")[0]

@@ -12,11 +12,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from measuring.checker.fall import MIN_FALL_ROWS, units_by_fall
+from measuring.checker.fall import MIN_FALL_ROWS, TIMES_S, units_by_fall
 from pipelines.interop.headers import folded, is_unit_row, may_be_position, unit_word
 from pipelines.interop.sheets import with_numbers
 
-__all__ = ["along_a_line", "by_fall", "numeric_columns", "with_centres", "without_units"]
+__all__ = ["along_a_line", "by_fall", "numeric_columns", "with_arm", "with_centres",
+           "with_heights",
+           "without_units"]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
 
@@ -73,7 +75,7 @@ def by_fall(table: pd.DataFrame) -> dict[str, str] | None:
 
 def _falls(time: FloatArray, place: FloatArray) -> bool:
     turned = place * [1.0, -1.0]
-    return any(units_by_fall([(time, one)], ("s", "ms")) is not None for one in (place, turned))
+    return any(units_by_fall([(time, one)], tuple(TIMES_S)) is not None for one in (place, turned))
 
 
 def along_a_line(table: pd.DataFrame, columns: Mapping[str, str], unit: str | None) -> str | None:
@@ -83,6 +85,20 @@ def along_a_line(table: pd.DataFrame, columns: Mapping[str, str], unit: str | No
         return None
     table[f"zero ({unit})" if unit else "zero"] = 0.0
     return missing.pop()
+
+
+def with_heights(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with heights of zero for several objects that have only an x: gliders on a rail."""
+    names = [str(name) for name in table.columns if may_be_position(str(name))]
+    alone = [name for name in names if re.search(_LONE_X, name)]
+    if len(alone) < 2 or any(re.search(_LONE_X.replace("x", "y"), name) for name in names):
+        return table
+    turned = [re.sub(_LONE_X, "y", name, count=1) for name in alone]
+    return table.assign(**dict.fromkeys(turned, 0.0))
+
+
+_LONE_X = r"(?i)(?<![^\W_])x(?=\d|\b|_)"
+"""The letter of the axis in a column's name."""
 
 
 def with_centres(table: pd.DataFrame) -> pd.DataFrame:
@@ -99,6 +115,54 @@ def with_centres(table: pd.DataFrame) -> pd.DataFrame:
         centred = {"x (px)": 0.5 * (left + wide), "y (px)": 0.5 * (top + high)}
         return table.drop(columns=[names[edge] for edge in edges]).assign(**centred)
     return table
+
+
+_ANGLES = frozenset(
+    ("theta", "angle", "winkel", "angulo", "angolo", "phi", "deflection", "auslenkung")
+)
+"""Words of a column of angles."""
+
+_RADII = frozenset(["r", "radius", "rho"])
+
+MIN_DEGREES = 2.5 * np.pi
+"""Largest angle without a unit that may be in rad (chosen: a turn and a quarter)."""
+
+ARM_PX = 1000.0
+"""Arm of an angle without a length, px (chosen: the rounding of positions does not matter)."""
+
+
+def with_arm(table: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
+    """The table with positions on an arm, if it holds angles and no positions.
+
+    An angle alone is that of an arm of unknown length, which swings about its mean.
+    """
+    words = {name: frozenset(re.findall(r"[^\W\d_]+", folded(name))) for name in table.columns}
+    angles = [
+        name for name, own in words.items() if own & _ANGLES and not re.search(r"/\s*s", name)
+    ]
+    if len(angles) != 1 or any(own & {"x", "y"} for own in words.values()):
+        return table
+    angle = np.asarray(pd.to_numeric(table[angles[0]], errors="coerce"), dtype=float)
+    unit = re.search(r"deg|grad|°|rad", folded(angles[0]))
+    known = angle[np.isfinite(angle)]
+    in_rad = unit[0] == "rad" if unit else bool(len(known)) and np.ptp(known) < MIN_DEGREES
+    angle = angle if in_rad else np.radians(angle)
+    radius = next((name for name, own in words.items() if own & _RADII), None)
+    if radius is None:
+        mean = np.angle(np.nanmean(np.exp(1j * angle)))
+        x, y, head = ARM_PX * np.sin(angle - mean), ARM_PX * np.cos(angle - mean), "px"
+        notes.append(
+            f"The column {angles[0]!r} is read as the angle of an arm, in"
+            f" {'rad' if in_rad else 'degrees'}; its length is not known, so lengths and speeds"
+            " are not in metres."
+        )
+    else:
+        length = np.asarray(pd.to_numeric(table[radius], errors="coerce"), dtype=float)
+        x, y = length * np.cos(angle), length * np.sin(angle)
+        found = re.search(r"[\(\[](.*?)[\)\]]", radius)
+        head = found[1] if found else ""
+        notes.append(f"The positions are computed from {radius!r} and {angles[0]!r}.")
+    return table.drop(columns=angles).assign(**{f"x ({head})": x, f"y ({head})": y})
 
 
 _VALUE_UNIT = r"\s*([-+]?\d[\d.,]*(?:[eE][-+]?\d+)?)\s*([^\W\d]+)\s*"

@@ -50,7 +50,7 @@ from vision.clip.footage import choose_capture_rate
 from vision.clip.picture import ClipInfo
 from vision.motions.motion import interpret_tracks
 from vision.scene import estimate_background
-from vision.tracks import Face, MotionKind, PendulumTrack, Track, Tracks, find_rest
+from vision.tracks import Face, MotionKind, PendulumTrack, Rest, Track, Tracks, find_rest
 from vision.tracks import FollowedObject as FollowedObject
 
 __all__ = [
@@ -300,7 +300,8 @@ def measure_from_tracks(
     """
     options = options or MeasureOptions()
     said = {**options.setup.columns, **(columns or {})}
-    external = read_tracks(path, said).chosen(said)
+    external = read_tracks(path, said)
+    external = external.chosen(_resting_ball(external) | said)
     if external.tracks[0].name != BALL:
         raise UsageError(
             f"{path.name} has a pendulum and no ball",
@@ -327,12 +328,20 @@ def measure_from_tracks(
         setup_std=camera.capture_fps_std,
     )
     scale, said_of_scale = _scale(external, options, clip)
-    tracks = _tracks(external, filmed, inputs, scale)
+    tracks = _tracks(external, filmed, inputs, scale, options.kind)
     followed = FollowedClip(tracks, filmed.clock, rate, inputs, scale)
     found = measure_tracks(followed, progress, options.budget)
     source = f"Tracks from {path.name} ({external.program}); no images were analysed."
     warnings = (*external.notes, *said_of_scale, *filmed.warnings, source)
     return measurement_of(filmed.info, followed, found, warnings)
+
+
+def _resting_ball(external: ExternalTracks) -> dict[str, str]:
+    """Of two bodies that meet, the one at rest until then is the ball; empty if that is unclear."""
+    if len(external.tracks) != 2:
+        return {}
+    rests = [find_rest(one.frame, one.px, UNSEEN_RADIUS_PX) is not None for one in external.tracks]
+    return {BALL: external.tracks[rests.index(True)].name} if sum(rests) == 1 else {}
 
 
 def _scale(
@@ -447,6 +456,7 @@ def _tracks(
     filmed: _Filmed,
     inputs: Inputs,
     scale: tuple[float, float] | None,
+    given: MotionKind | None,
 ) -> Tracks:
     radius = UNSEEN_RADIUS_PX
     if scale is not None and inputs.ball is not None:
@@ -454,10 +464,23 @@ def _tracks(
     named = {track.name: _track(track, radius) for track in external.tracks}
     ball = named.pop(BALL)
     swing = named.pop(PENDULUM, None)
+    others = list(named.values())
     rest = find_rest(ball.frame, ball.centre_px, float(np.median(ball.radius_px)))
+    striker = None
+    if swing is None and rest is not None and others:
+        others.sort(key=lambda other: _nearest(other, rest))
+        striker = others[0]
+        if not any(track.has_size for track in external.tracks) and inputs.ball is None:
+            # bodies that met are as large as their centres came near each other
+            size = np.full(len(ball), 0.5 * _nearest(striker, rest))
+            ball, striker = (
+                replace(ball, radius_px=size),
+                replace(striker, radius_px=np.full(len(striker), size[0])),
+            )
+            others[0] = striker
     pendulum = None if swing is None or rest is None else _pendulum(swing, ball, rest.direction)
     rest_frames = None if rest is None else (rest.first, rest.last)
-    motion = interpret_tracks(ball, pendulum)
+    motion = interpret_tracks(ball, pendulum, striker, given)
     # an upside-down table is detected from gravity: image axes have no sign here
     motion = replace(motion, fall_px=None)
     return Tracks(
@@ -465,9 +488,16 @@ def _tracks(
         pendulum=pendulum,
         background=filmed.background,
         rest_frames=None if motion.kind is MotionKind.SWING else rest_frames,
-        others=tuple(FollowedObject(track) for track in named.values()),
+        others=tuple(map(FollowedObject, others)),
         motion=motion,
     )
+
+
+def _nearest(other: Track, rest: Rest) -> float:
+    """Smallest distance of another body to a ball at rest, px."""
+    near = other.frame <= rest.last + 1
+    away = other.centre_px[near] - rest.centre_px if near.any() else np.full((1, 2), np.inf)
+    return float(np.hypot(*away.T).min())
 
 
 def _track(given: ExternalTrack, radius: float) -> Track:

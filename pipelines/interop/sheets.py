@@ -41,13 +41,21 @@ _BLANKS = r"\s+(?![(\[])"
 
 
 def text_of(data: bytes) -> str:
-    """Text of unknown encoding: UTF-8, UTF-16 with a byte order mark, or Latin-1."""
+    """Text of unknown encoding: UTF-8, UTF-16 with or without a byte order mark, or Latin-1."""
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         return data.decode("utf-16", errors="replace")
+    for first, name in ((1, "utf-16-le"), (0, "utf-16-be")):
+        # of text in Latin letters every second byte is zero
+        if data[first::2].count(0) > _MIN_WIDE * len(data[first::2]):
+            return data.decode(name, errors="replace")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
         return data.decode("latin-1")
+
+
+_MIN_WIDE = 0.9
+"""Fraction of zeros among every second byte of UTF-16 (chosen: names may have other letters)."""
 
 
 def text_lines(path: Path, what: str) -> list[str]:
@@ -58,7 +66,14 @@ def text_lines(path: Path, what: str) -> list[str]:
     UsageError
         If it can't be read, or is empty.
     """
-    text = text_of(read_bytes(path, what))
+    data = read_bytes(path, what)
+    kind = next((kind for mark, kind in _NO_TEXT.items() if data.startswith(mark)), None)
+    if kind is not None:
+        raise UsageError(
+            f"can't read {path}: it holds {kind}, whatever its name says",
+            hint="Export a table as CSV: a header line and one row per mark or trial.",
+        )
+    text = text_of(data)
     lines = [line for line in text.splitlines() if line.strip()]
     if lines and re.fullmatch(r"\"?sep=.\"?", lines[0].strip(), re.IGNORECASE):
         lines = lines[1:]
@@ -68,6 +83,18 @@ def text_lines(path: Path, what: str) -> list[str]:
             hint="Export it again: a header line and one row per mark or trial.",
         )
     return lines
+
+
+_NO_TEXT = {
+    b"%PDF": "a PDF",
+    b"\x89PNG": "a picture",
+    b"\xff\xd8\xff": "a picture",
+    b"PK\x03\x04": "an archive or a spreadsheet",
+    b"\xd0\xcf\x11\xe0": "an old or locked spreadsheet",
+    b"\x1f\x8b": "a compressed file",
+    b"\x89HDF": "HDF5",
+}
+"""Contents by the first bytes of files (convention: their formats)."""
 
 
 def read_table(path: Path, what: str, notes: list[str] | None = None) -> pd.DataFrame:
@@ -94,7 +121,7 @@ def read_table(path: Path, what: str, notes: list[str] | None = None) -> pd.Data
 def frame_of(
     lines: Sequence[str],
     path: Path,
-    bare: Sequence[str] = (),
+    bare: Sequence[Sequence[str]] = (),
     notes: list[str] | None = None,
 ) -> pd.DataFrame:
     """A table from the lines of a text.
@@ -105,8 +132,8 @@ def frame_of(
         Without blank ones.
     path : Path
         For messages.
-    bare : sequence of str
-        Names of the columns of a table without a header and with as many columns.
+    bare : sequence of sequences of str
+        Names of the columns of tables without a header, by their number.
     notes : list of str, optional
         Receives what was not as usual.
 
@@ -159,7 +186,9 @@ def _with_units(names: Sequence[str], units: Sequence[str]) -> list[str]:
     return [f"{name} ({unit})" if unit else name for name, unit in bare]
 
 
-def _named(header: Sequence[str], bare: Sequence[str], path: Path, notes: list[str]) -> list[str]:
+def _named(
+    header: Sequence[str], bare: Sequence[Sequence[str]], path: Path, notes: list[str]
+) -> list[str]:
     """Names of the columns of a table without a header.
 
     Raises
@@ -167,10 +196,11 @@ def _named(header: Sequence[str], bare: Sequence[str], path: Path, notes: list[s
     UsageError
         If they are unknown.
     """
-    if bare and len(header) == len(bare):
-        listed = ", ".join(bare)
-        notes.append(f"{path.name} has no header; its columns are read as {listed}.")
-        return list(bare)
+    for names in bare:
+        if len(header) == len(names):
+            listed = ", ".join(names)
+            notes.append(f"{path.name} has no header; its columns are read as {listed}.")
+            return list(names)
     raise UsageError(
         f"{path.name} has no header: its first line holds numbers ({', '.join(header[:4])})",
         hint="Write the names of the columns into a first line, such as t (s),x (m),y (m).",
@@ -276,7 +306,9 @@ def sheet_of(path: Path, notes: list[str] | None = None) -> pd.DataFrame:
     UsageError
         If it can't be read.
     """
-    read_bytes(path, "a spreadsheet")
+    if not read_bytes(path, "a spreadsheet").startswith(b"PK"):
+        # a text under the name of a spreadsheet
+        return frame_of(text_lines(path, "a spreadsheet"), path, notes=notes)
     try:
         book = pd.read_excel(path, sheet_name=None, header=None, dtype=object)
         sheets = {name: sheet.dropna(how="all") for name, sheet in book.items()}
@@ -286,6 +318,8 @@ def sheet_of(path: Path, notes: list[str] | None = None) -> pd.DataFrame:
             f"{path} is not a spreadsheet: {problem}", hint="Save it again as .xlsx or .csv."
         ) from problem
     filled = [name for name, sheet in sheets.items() if has_numbers(_head_of(sheet))]
+    if not filled:
+        _refuse_formulas(path)
     chosen = (filled or list(sheets))[0]
     if notes is not None and (filled[1:] or chosen != next(iter(sheets))):
         others = ", ".join(repr(name) for name in sheets if name != chosen)
@@ -301,6 +335,27 @@ def sheet_of(path: Path, notes: list[str] | None = None) -> pd.DataFrame:
     table = table.iloc[at + 1 :].reset_index(drop=True)
     table.columns = pd.Index([name or f"Unnamed: {k}" for k, name in enumerate(names)])
     return with_numbers(table.infer_objects())
+
+
+def _refuse_formulas(path: Path) -> None:
+    """Refuse a spreadsheet of formulas whose results are not stored.
+
+    Raises
+    ------
+    UsageError
+    """
+    from openpyxl import load_workbook  # type: ignore[import-untyped]
+
+    for sheet in load_workbook(path, read_only=True):
+        for row in sheet.iter_rows(max_row=_HEADER_SEARCH_LINES):
+            formula = next((cell for cell in row if cell.data_type == "f"), None)
+            if formula is not None:
+                raise UsageError(
+                    f"{path}: the cell {formula.coordinate} of {sheet.title!r} holds a formula"
+                    " without its result",
+                    hint="Open it in the spreadsheet program and save it there: that stores the"
+                    " results. Or save it as .csv.",
+                )
 
 
 def _head_of(table: pd.DataFrame) -> list[list[str]]:
@@ -328,7 +383,10 @@ def with_numbers(table: pd.DataFrame) -> pd.DataFrame:
             words = words.str.replace(".", "", regex=False)
         elif bool(((point > comma) & (comma >= 0)).any()):
             words = words.str.replace(",", "", regex=False)
-        number = pd.to_numeric(words.str.replace(",", ".", regex=False), errors="coerce")
+        words = words.str.replace(",", ".", regex=False)
+        # Fortran writes 1.5D-03
+        words = words.str.replace(r"(?<=\d)[dD](?=[-+]?\d+$)", "e", regex=True)
+        number = pd.to_numeric(words, errors="coerce")
         if number.notna().any() and number.notna().sum() >= words.notna().sum():
             table[name] = number.astype(float)
     return table

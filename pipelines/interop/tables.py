@@ -12,7 +12,8 @@ import pickletools
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +22,7 @@ import pandas as pd
 import tomli_w
 from numpy.typing import NDArray
 
-from measuring.checker.fall import TableUnits, units_by_fall
-from measuring.checker.pace import repeats_of
+from measuring.checker.fall import TIMES_S, TableUnits, turn_of_fall, units_by_fall
 from measuring.measurement import CAMERA_COLUMNS
 from metrology import Defaults, UsageError, parse_quantity, write_text_whole
 from pipelines.interop.external import (
@@ -44,10 +44,13 @@ from pipelines.interop.layout import (
     along_a_line,
     by_fall,
     numeric_columns,
+    with_arm,
     with_centres,
+    with_heights,
     without_units,
 )
 from pipelines.interop.projects import CORNER_PX
+from pipelines.interop.rows import Marks, even_clock, settled
 from pipelines.interop.sheets import (
     frame_of,
     separator_of,
@@ -115,7 +118,7 @@ _COLUMN_NAMES: dict[str, tuple[str, ...]] = {
     "x": ("x", "x_m", "x_cm", "x_mm", "x_px", "pos_x", "posx", "px", "pixelx", "x_pos"),
     "y": ("y", "y_m", "y_cm", "y_mm", "y_px", "pos_y", "posy", "py", "pixely", "y_pos"),
     "object": ("object", "track_id", "track", "track_n°", "particle", "particle_id", "id", "name"),
-    "trial": ("trial", "versuch", "essai", "ensayo"),
+    "trial": ("trial", "versuch", "essai", "ensayo", "run", "lauf", "durchgang"),
 }
 """Column names that are unambiguous; others are asked for. Of several names of objects the first
 counts."""
@@ -138,11 +141,14 @@ class ColumnUse:
         Metres per unit of x and y; None if they are pixels.
     second : float
         Seconds per unit of t.
+    stretch : float
+        Units of x per unit of y.
     """
 
     columns: Mapping[str, str]
     metre: float | None
     second: float
+    stretch: float = 1.0
 
 
 def parse_columns(text: str | None) -> dict[str, str]:
@@ -154,7 +160,8 @@ def parse_columns(text: str | None) -> dict[str, str]:
         If it is not of that form, or has an unknown key.
     """
     found: dict[str, str] = {}
-    for part in next(csv.reader([text or ""], skipinitialspace=True), []):
+    mark = ";" if re.search(rf";\s*({'|'.join([*KEYS, *WORD_KEYS])})\s*=", text or "") else ","
+    for part in next(csv.reader([text or ""], delimiter=mark, skipinitialspace=True), []):
         key, _, value = part.partition("=")
         key, value = key.strip(), value.strip()
         if not part.strip():
@@ -188,11 +195,7 @@ def column_use(header: Sequence[str], said: Mapping[str, str], table: str) -> Co
     columns: dict[str, str] = {}
     for key in KEYS:
         if key in said:
-            if said[key] not in header:
-                raise UsageError(
-                    f"{table} has no column {said[key]!r}", hint=f"It has: {_listed(header)}."
-                )
-            columns[key] = said[key]
+            columns[key] = _meant(said[key], header, table)
             continue
         names = _COLUMN_NAMES[key]
         alike = [name for name in header if plain_name(name) in names]
@@ -217,10 +220,36 @@ def column_use(header: Sequence[str], said: Mapping[str, str], table: str) -> Co
             else "Export it again with this column; where pictures are numbered, name it frame and"
             " pass --fps.",
         )
-    unit = said.get("unit") or _known_unit(columns["x"], "m") or "px"
+    by_axis = [_known_unit(columns[key], "m") for key in "xy"]
+    unit = said.get("unit") or by_axis[0] or by_axis[1] or "px"
     t_unit = said.get("t_unit") or _known_unit(columns.get("t", "t"), "s") or "s"
     metre = None if unit.lower() in _PIXELS else parse_quantity(f"1 {unit}", "m")
-    return ColumnUse(columns, metre, parse_quantity(f"1 {t_unit}", "s"))
+    stretch = 1.0
+    if metre is not None and "unit" not in said and all(by_axis):
+        stretch = parse_quantity(f"1 {by_axis[1]}", "m") / metre
+    return ColumnUse(columns, metre, parse_quantity(f"1 {t_unit}", "s"), stretch)
+
+
+def _meant(name: str, header: Sequence[str], table: str) -> str:
+    """The column that a user names: exactly, in other letter case, without unit, or by number.
+
+    Raises
+    ------
+    UsageError
+        If there is none, or several.
+    """
+    same = (
+        [one for one in header if one == name],
+        [one for one in header if folded(one) == folded(name)],
+        [one for one in header if plain_name(one) == plain_name(name)],
+        [one for k, one in enumerate(header, start=1) if name == str(k)],
+    )
+    found = next((alike for alike in same if alike), [])
+    if len(found) == 1:
+        return found[0]
+    alike = get_close_matches(name, header, n=1)
+    meant = f"Did you mean {alike[0]!r}? " if alike else ""
+    raise UsageError(f"{table} has no column {name!r}", hint=f"{meant}It has: {_listed(header)}.")
 
 
 def ask_columns(header: Sequence[str], said: Mapping[str, str], table: str) -> dict[str, str]:
@@ -346,8 +375,12 @@ def read_table_of_tracks(path: Path, said: Mapping[str, str]) -> ExternalTracks:
     return _spreadsheet(table, path, said, notes)
 
 
-_BARE_COLUMNS = ("t", "x", "y")
-"""Columns of a table of three columns without a header."""
+_BARE_COLUMNS = (
+    ("t", "x", "y"),
+    ("frame", "id", "bb_left", "bb_top", "bb_width", "bb_height", "conf", "world 1", "world 2",
+     "world 3"),
+)  # fmt: skip
+"""Columns of tables without a header: plain positions, and boxes of the MOT Challenge."""
 
 
 def header_of(path: Path) -> list[str]:
@@ -530,14 +563,18 @@ def _spreadsheet(
     if {"object", "frame", "t_s", "x_px", "y_px"} <= names:
         return _own(table, path)
     notes = list(read)
-    table = without_units(with_centres(table))
+    table = _in_columns(table, notes)
     uses = _uses(table, said, path.name, notes)
-    marks: list[_Marks] = []
+    marks: list[Marks] = []
     for name, use in uses:
         parts = [(name, table)]
         if _names_objects(table, use, said):
             parts = [(str(one), rows) for one, rows in table.groupby(use.columns["object"])]
-        marks += [_marks(one or path.stem, rows, use, said) for one, rows in parts]
+        elif "trial" in use.columns:
+            column = use.columns["trial"]
+            parts = [(f"{column} {one}", rows) for one, rows in table.groupby(column, sort=False)]
+        for part, rows in parts:
+            marks += _marks(part or path.stem, rows, use, said)
     if len(uses) == 1 and "y" not in said:
         _refuse_other_height(path, table, uses[0][1], marks)
     units = _units(path, uses, marks, said)
@@ -545,13 +582,18 @@ def _spreadsheet(
     notes += list(dict.fromkeys(one.note for one in marks if one.note)) + list(units.notes)
     tracks = []
     for one in marks:
-        place = one.place * units.signs
+        place = one.place @ units.axes.T
         if units.metre is not None:
             place = _table_plane().pixels(place * units.metre)
         time = None if one.time is None else one.time * units.second
         tracks.append(_track(one.name, place, one.frame, time))
     plane = None if units.metre is None else _table_plane()
     return _found(path, Program.TABLE, tracks, plane, notes)
+
+
+def _in_columns(table: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
+    """Positions x and y of boxes, of arms, and on a line; units in the names."""
+    return with_arm(with_heights(without_units(with_centres(table))), notes)
 
 
 def read_samples(path: Path, said: Mapping[str, str]) -> tuple[pd.DataFrame, tuple[str, ...]]:
@@ -580,9 +622,9 @@ def read_samples(path: Path, said: Mapping[str, str]) -> tuple[pd.DataFrame, tup
         table = sheet_of(path, notes)
     else:
         table = frame_of(text_lines(path, "a table of samples"), path, _BARE_COLUMNS, notes)
-    table = without_units(table)
+    table = _in_columns(table, notes)
     uses = _uses(table, said, path.name, notes)
-    marks: list[_Marks] = []
+    marks: list[Marks] = []
     facts: list[dict[str, Any]] = []
     for name, use in uses:
         if "t" not in use.columns:
@@ -590,9 +632,10 @@ def read_samples(path: Path, said: Mapping[str, str]) -> tuple[pd.DataFrame, tup
                 f"{path.name} has frame numbers and no times",
                 hint="Add a column t (s): the frame number over the camera's rate.",
             )
-        trials = _trials(table, use, name or path.stem)
-        marks += [_marks(trial, rows, use, said) for trial, rows in trials]
-        facts += [_constants(rows) for _, rows in trials]
+        for trial, rows in _trials(table, use, name or path.stem):
+            runs = _marks(trial, rows, use, said)
+            marks += runs
+            facts += [_constants(rows)] * len(runs)
     used = {column for _, use in uses for column in use.columns.values()}
     unused = [name for name in map(str, table.columns) if name not in used | {*facts[0]}]
     if unused:
@@ -625,10 +668,10 @@ def _trials(table: pd.DataFrame, use: ColumnUse, name: str) -> list[tuple[str, p
     return [(str(one), rows) for one, rows in table.groupby(use.columns["trial"], sort=False)]
 
 
-def _samples_of(marks: "_Marks", units: "_TableScale") -> pd.DataFrame:
+def _samples_of(marks: Marks, units: "_TableScale") -> pd.DataFrame:
     assert marks.time is not None
     assert units.metre is not None
-    place = marks.place * units.signs * units.metre
+    place = marks.place @ units.axes.T * units.metre
     columns = {"t_s": marks.time * units.second, "x_m": place[:, 0], "y_m": place[:, 1]}
     return pd.DataFrame({"trial": marks.name, **columns}).dropna()
 
@@ -642,7 +685,7 @@ def _names_objects(table: pd.DataFrame, use: ColumnUse, said: Mapping[str, str])
 
 @dataclass(frozen=True)
 class _TableScale:
-    """Units of a table by its heads, or by its fall.
+    """Units and axes of a table by its heads, or by its fall.
 
     Attributes
     ----------
@@ -650,21 +693,21 @@ class _TableScale:
         Metres per unit; None for pixels.
     second : float
         Factor of the times.
-    signs : tuple of float
-        Of x and y.
+    axes : (2, 2) array
+        Turns positions upright.
     notes : tuple of str
     """
 
     metre: float | None
     second: float = 1.0
-    signs: tuple[float, float] = (1.0, 1.0)
+    axes: FloatArray = field(default_factory=lambda: np.eye(2))
     notes: tuple[str, ...] = ()
 
 
 def _units(
     path: Path,
     uses: Sequence[tuple[str, ColumnUse]],
-    marks: Sequence["_Marks"],
+    marks: Sequence[Marks],
     said: Mapping[str, str],
 ) -> _TableScale:
     """Units of a table; refuse those that its fall contradicts.
@@ -676,54 +719,81 @@ def _units(
     """
     use = uses[0][1]
     seen = [one.for_units() for one in marks if one.time is not None]
-    times = ("s",) if _states_seconds(use, said) else ("s", "ms")
-    if use.metre is None:
-        heads = [one.columns["x"] for _, one in uses]
-        bare = "unit" not in said and all(_known_unit(head, "m") is None for head in heads)
-        found = units_by_fall(seen, times) if bare else None
-        if found is not None:
-            metre = parse_quantity(f"1 {found.length}", "m")
-            return _TableScale(metre, _TIMES_S[found.time], notes=(found.note(path.name),))
-        if bare:
-            _refuse_exchanged(path, use, seen, times)
-        if bare and (unit := unit_of(heads[0])) is not None:
-            raise UsageError(
-                f"{path}: the unit {unit!r} of {heads[0]!r} is not known",
-                hint='Pass --columns "unit=m" (or cm, mm, in, px).',
-            )
+    times = ("s",) if _states_seconds(use, said) else tuple(TIMES_S)
+    if use.metre is not None:
+        axes, notes = _upright(path, use, seen, use.metre)
+        fallen = units_by_fall(seen, tuple(TIMES_S))
+        if axes is None and fallen is not None and "unit" not in said:
+            _refuse_units(path, use, fallen)
+        return _TableScale(use.metre, axes=np.eye(2) if axes is None else axes, notes=notes)
+    heads = [one.columns[key] for _, one in uses for key in "xy"]
+    if "unit" in said or any(_known_unit(head, "m") is not None for head in heads):
         return _TableScale(None)
-    fallen = units_by_fall(seen, ("s", "ms"))
-    if fallen is None:
-        turned = units_by_fall([(time, place * [1.0, -1.0]) for time, place in seen])
-        if turned is not None and parse_quantity(f"1 {turned.length}", "m") == use.metre:
-            return _TableScale(use.metre, signs=(1.0, -1.0), notes=(_TURNED.format(path.name),))
-    elif "unit" not in said:
-        _refuse_units(path, use, fallen)
-    return _TableScale(use.metre)
+    found = units_by_fall(seen, times)
+    if found is not None:
+        metre = parse_quantity(f"1 {found.length}", "m")
+        second = TIMES_S[found.time]
+        timed = [(second * time, place) for time, place in seen]
+        axes, notes = _upright(path, use, timed, metre)
+        said_of = (found.note(path.name), *notes)
+        return _TableScale(metre, second, np.eye(2) if axes is None else axes, said_of)
+    exchanged = [[(time, sign * place[:, ::-1]) for time, place in seen] for sign in (1.0, -1.0)]
+    if any(units_by_fall(one, times) is not None for one in exchanged):
+        raise _exchanged(path, use)
+    if (unit := unit_of(heads[0])) is not None:
+        raise UsageError(
+            f"{path}: the unit {unit!r} of {heads[0]!r} is not known",
+            hint='Pass --columns "unit=m" (or cm, mm, in, px).',
+        )
+    return _TableScale(None)
 
 
-def _refuse_exchanged(
-    path: Path,
-    use: ColumnUse,
-    seen: Sequence[tuple[FloatArray, FloatArray]],
-    times: Sequence[str],
-) -> None:
-    """Refuse a table whose flight falls along x.
+def _upright(
+    path: Path, use: ColumnUse, seen: Sequence[tuple[FloatArray, FloatArray]], metre: float
+) -> tuple[FloatArray | None, tuple[str, ...]]:
+    """Axes of a table by the fall with g of its flight, and a note; None without such a fall.
 
     Raises
     ------
     UsageError
+        If it falls along x.
     """
-    if units_by_fall([(time, place[:, ::-1]) for time, place in seen], times) is not None:
-        x, y = use.columns["x"], use.columns["y"]
-        raise UsageError(
-            f"{path}: x and y are exchanged: the flight falls along the column {x!r}, not {y!r}",
-            hint=f'Pass --columns "x={y}, y={x}".',
+    found = turn_of_fall(seen, metre)
+    if found is None:
+        return None, ()
+    turn, std = found
+    if abs(math.cos(turn)) < math.sqrt(0.5):
+        raise _exchanged(path, use)
+    axes, notes = np.eye(2), []
+    if math.cos(turn) < 0.0:
+        axes = np.diag([1.0, -1.0])
+        turn = math.copysign(math.pi, turn) - turn
+        notes.append(f"{path.name}: the flight falls to larger y: y is taken as pointing down and"
+                     " turned over.")  # fmt: skip
+    if abs(turn) > MAX_TURN_BY_DRAG_RAD:
+        notes.append(
+            f"{path.name}: the flight falls {abs(math.degrees(turn)):.1f} ±"
+            f" {math.degrees(std):.1f}° off the axis y. Unless that is drag, the axes are not"
+            " level: turn them upright where the table was made, and export again."
         )
+    return axes, tuple(notes)
+
+
+MAX_TURN_BY_DRAG_RAD = 0.1
+"""Turn of a fall by drag, rad (derived: a tenth of the weight at right angles to it)."""
+
+
+def _exchanged(path: Path, use: ColumnUse) -> UsageError:
+    """Refusal of a table whose flight falls along x."""
+    x, y = use.columns["x"], use.columns["y"]
+    return UsageError(
+        f"{path}: x and y are exchanged: the flight falls along the column {x!r}, not {y!r}",
+        hint=f'Pass --columns "x={y}, y={x}".',
+    )
 
 
 def _refuse_other_height(
-    path: Path, table: pd.DataFrame, use: ColumnUse, marks: Sequence["_Marks"]
+    path: Path, table: pd.DataFrame, use: ColumnUse, marks: Sequence[Marks]
 ) -> None:
     """Refuse a table in space whose flight falls along z.
 
@@ -744,8 +814,6 @@ def _refuse_other_height(
 
 _HEIGHTS = frozenset(("z", "z_m", "z_cm", "z_mm", "pos_z", "z_pos", "position_z"))
 """Names of a third dimension, without units."""
-
-_TURNED = "{}: the flight falls to larger y: y is taken as pointing down and turned over."
 
 
 def _refuse_units(path: Path, use: ColumnUse, fallen: TableUnits) -> None:
@@ -777,113 +845,23 @@ def _refuse_units(path: Path, use: ColumnUse, fallen: TableUnits) -> None:
     )
 
 
-_TIMES_S = {"s": 1.0, "ms": 1e-3}
-
-
-@dataclass(frozen=True)
-class _Marks:
-    """Rows of one object, as in the table but with times in seconds.
-
-    `repeats` counts the rows that hold each position.
-    """
-
-    name: str
-    place: FloatArray
-    frame: FloatArray | None
-    time: FloatArray | None
-    note: str = ""
-    repeats: int = 1
-
-    def for_units(self) -> tuple[FloatArray, FloatArray]:
-        """Times and places of the complete rows, in order."""
-        assert self.time is not None
-        rows = np.isfinite(self.place).all(axis=1) & np.isfinite(self.time)
-        time, first = np.unique(self.time[rows], return_index=True)
-        return time, self.place[rows][first]
-
-    def unread(self) -> list[str]:
-        """What happens to rows that give no mark, or are out of order."""
-        key = self.time if self.frame is None else self.frame
-        assert key is not None
-        whole = np.isfinite(self.place).all(axis=1) & np.isfinite(key)
-        count, again = len(whole), int(whole.sum() - len(np.unique(key[whole])))
-        said = []
-        if self.repeats > 1:
-            said.append(
-                f"{self.name}: each position stands in {self.repeats} rows, as if every picture"
-                " were there so often; the first of them is used."
-            )
-        if not whole.all():
-            said.append(
-                f"{self.name}: {int((~whole).sum())} of {count} rows have no position or time"
-                f" (the first is row {int(np.argmin(whole)) + 1} below the head) and are skipped."
-            )
-        stamp = "time" if self.frame is None else "frame"
-        if again:
-            said.append(
-                f"{self.name}: {again} of {count} rows repeat the {stamp} of an earlier row"
-                " and are skipped."
-            )
-        if (back := int(np.sum(np.diff(key[whole]) < 0.0))) > 0:
-            said.append(
-                f"{self.name}: the {stamp}s run backwards in {back} of {count} rows; the rows are"
-                f" put in order of {stamp}."
-            )
-        return said
-
-
-def _marks(name: str, rows: pd.DataFrame, use: ColumnUse, said: Mapping[str, str]) -> _Marks:
+def _marks(name: str, rows: pd.DataFrame, use: ColumnUse, said: Mapping[str, str]) -> list[Marks]:
+    """The runs of an object's rows, in seconds."""
     place = np.column_stack([_values(rows, use.columns[key]) for key in "xy"])
+    place *= [1.0, use.stretch]
     frame = _values(rows, use.columns["frame"]) if "frame" in use.columns else None
     if "t" not in use.columns:
-        return _single(_Marks(name, place, frame, None))
+        return settled(Marks(name, place, frame, None))
     column = use.columns["t"]
     timecode = read_timecode(rows[column])
     if timecode is not None:
         numbers, rate = timecode
         note = f"The times are timecodes, {rate} to a second: they are read as picture numbers."
-        return _single(_Marks(name, place, numbers, None, note))
+        return settled(Marks(name, place, numbers, None, note))
     clock = read_clock(rows[column], said.get("t_unit") or _known_unit(column, "s"))
     if clock is not None:
-        return _single(_Marks(name, place, frame, _even(clock.seconds), clock.note))
-    return _single(_Marks(name, place, frame, _even(_values(rows, column) * use.second)))
-
-
-def _single(marks: _Marks) -> _Marks:
-    """The first of the rows that repeat a position since every picture is there several times."""
-    count = repeats_of(marks.place)
-    if count == 1:
-        return marks
-    new = np.any(np.diff(marks.place, axis=0) != 0.0, axis=1)
-    starts = np.concatenate([[0], np.flatnonzero(new) + 1])
-    row = np.arange(len(marks.place))
-    # of a rest as well, every n-th row
-    kept = (row - starts[np.searchsorted(starts, row, side="right") - 1]) % count == 0
-    frame, time = (None if one is None else one[kept] for one in (marks.frame, marks.time))
-    return replace(marks, place=marks.place[kept], frame=frame, time=time, repeats=count)
-
-
-def _even(time: FloatArray) -> FloatArray:
-    """Times of an even clock where the stamps are that clock's, rounded.
-
-    A program that writes milliseconds of 600 pictures per second steps by 1 and 2 ms.
-    """
-    rows = np.flatnonzero(np.isfinite(time))
-    if len(rows) < _MIN_CLOCK_ROWS or np.any(np.diff(time[rows]) <= 0.0):
-        return time
-    steps = np.diff(time[rows])
-    resolution = float(np.max(steps) - np.min(steps))
-    fitted = np.polynomial.Polynomial.fit(np.arange(len(rows)), time[rows], 1)(np.arange(len(rows)))
-    # Rounding to r makes steps that differ by r, and stamps that deviate by less than r.
-    if resolution > 0.75 * float(np.mean(steps)) or np.ptp(time[rows] - fitted) > 1.05 * resolution:
-        return time
-    even = time.copy()
-    even[rows] = fitted
-    return even
-
-
-_MIN_CLOCK_ROWS = 8
-"""Rows of a clock that may be rounded (chosen)."""
+        return settled(Marks(name, place, frame, clock.seconds, clock.note))
+    return settled(Marks(name, place, frame, _values(rows, column) * use.second))
 
 
 def _states_seconds(use: ColumnUse, said: Mapping[str, str]) -> bool:
@@ -994,8 +972,8 @@ def _tracker_text(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> 
         ]
     )
     table = with_numbers(table.replace("", None))
-    time = _even(_values(table, 0))  # type: ignore[arg-type]
-    marks: list[_Marks] = []
+    time = even_clock(_values(table, 0))  # type: ignore[arg-type]
+    marks: list[Marks] = []
     plane = None
     for name, first, end in _spans(over, heads):
         own = {_head(head): first + k for k, head in enumerate(heads[first:end])}
@@ -1013,8 +991,8 @@ def _tracker_text(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> 
         if shift == 0.0:
             plane = _table_plane()
             stated = stated or unit_of(heads[own["x"]])
-        clock = _even(_values(table, own["t"])) if "t" in own else time  # type: ignore[arg-type]
-        marks.append(_Marks(name, place - shift, frame, clock))
+        clock = even_clock(_values(table, own["t"])) if "t" in own else time  # type: ignore[arg-type]
+        marks.append(Marks(name, place - shift, frame, clock))
     notes: list[str] = []
     metre = 1.0
     if plane is not None:
@@ -1028,7 +1006,7 @@ def _tracker_text(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> 
 
 
 def _tracker_unit(
-    marks: Sequence["_Marks"], stated: str | None, table: str
+    marks: Sequence[Marks], stated: str | None, table: str
 ) -> tuple[float, list[str]]:
     """Metres per unit: stated, by free fall, or the metre, which is Tracker's default."""
     if stated is not None:

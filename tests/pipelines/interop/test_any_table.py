@@ -9,9 +9,12 @@ import pytest
 
 from measuring.setup.file import Setup
 from metrology import UsageError
+from pipelines.api.quantities import measure_options
 from pipelines.explain.campaign import load_campaign
-from pipelines.interop.measured import read_tracks
-from pipelines.interop.tables import read_samples
+from pipelines.interop.external import ExternalTracks
+from pipelines.interop.measured import measure_from_tracks, read_tracks
+from pipelines.interop.tables import parse_columns, read_samples
+from vision.tracks import MotionKind
 
 ROWS = 80
 T = np.arange(ROWS) / 200.0
@@ -80,6 +83,18 @@ WRITTEN: dict[str, Callable[[], str]] = {
             for t, x, y in zip(T, 100 * X, 100 * Y, strict=True)
         )
     ),
+    "exponents of Fortran": lambda: (
+        "t,x,y\n"
+        + "".join(
+            f"{t:.8E},{x:.8E},{y:.8E}\n".replace("E", "D") for t, x, y in zip(T, X, Y, strict=True)
+        )
+    ),
+    "x in cm, y in m": lambda: "t (s),x (cm),y (m)\n" + lines(T, 100 * X, Y),
+    "decimetres without a unit": lambda: "t,x,y\n" + lines(T, 10 * X, 10 * Y),
+    "microseconds without a unit": lambda: "t,x,y\n" + lines(1e6 * T, X, Y),
+    "polar": lambda: (
+        "t (s),r (m),theta (deg)\n" + lines(T, np.hypot(X, Y), np.degrees(np.arctan2(Y, X)))
+    ),
     "names of rows": lambda: (
         "LABEL,ID,TRACK_ID,POSITION_X,POSITION_Y,POSITION_T\nLabel,Spot,Track,X,Y,T\n"
         ",,,(micron),(micron),(sec)\n"
@@ -128,9 +143,124 @@ def test_tracker_masses_with_their_own_clocks(tmp_path: Path) -> None:
     assert second.px[:, 0] / 1e3 == pytest.approx(X - 0.2, abs=1e-4)
 
 
+def of_rows(path: Path, *columns: np.ndarray) -> ExternalTracks:
+    path.write_text("t (s),x (m),y (m)\n" + lines(*columns), encoding="utf-8")
+    return read_tracks(path)
+
+
+@pytest.mark.parametrize("later", [0.0, 0.0013])
+def test_runs_below_each_other_are_not_mixed(later: float, tmp_path: Path) -> None:
+    twice = [np.concatenate([one, one]) for one in (T, X, Y)]
+    twice[0][ROWS:] += later
+    found = of_rows(tmp_path / "a.csv", *twice)
+    assert [(one.name, len(one)) for one in found.tracks] == [("run 1", ROWS), ("run 2", ROWS)]
+    with pytest.raises(UsageError, match="several runs"):
+        found.chosen({})
+    assert len(found.chosen({"ball": "run 2"}).tracks[0]) == ROWS
+    assert list(read_samples(tmp_path / "a.csv", {})[0]["trial"].unique()) == ["run 1", "run 2"]
+
+
+def test_rows_out_of_order_are_no_runs(tmp_path: Path) -> None:
+    order = np.arange(ROWS)
+    order[[30, 31]] = order[[31, 30]]
+    assert len(of_rows(tmp_path / "a.csv", T[order], X[order], Y[order]).tracks) == 1
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, -9999.0])
+def test_marks_of_what_was_lost_are_skipped(value: float, tmp_path: Path) -> None:
+    lost = np.arange(ROWS) % 5 == 1
+    found = of_rows(tmp_path / "a.csv", T, np.where(lost, value, X), np.where(lost, value, Y))
+    assert len(found.tracks[0]) == ROWS - lost.sum()
+    assert f"({value:g}, {value:g})" in " ".join(found.notes)
+
+
+def test_a_rest_before_a_throw_is_no_mark_of_what_was_lost(tmp_path: Path) -> None:
+    rest = np.repeat(0.0, 20)
+    place = [np.concatenate([rest + one[0], one]) for one in (X, Y)]
+    found = of_rows(tmp_path / "a.csv", np.arange(ROWS + 20) / 200.0, *place)
+    assert len(found.tracks[0]) == ROWS + 20
+
+
+@pytest.mark.parametrize(
+    "said",
+    ["t=time, x=POS X (m), y=pos y", "t=1, x=2, y=3", "t=Time (s); x=Pos X (m); y=Pos Y (m)"],
+)
+def test_columns_are_named_as_people_name_them(said: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("Time (s),Pos X (m),Pos Y (m)\n" + lines(T, X, Y), encoding="utf-8")
+    track = read_tracks(path, parse_columns(said)).tracks[0]
+    assert track.px[:, 0] / 1e3 == pytest.approx(X, abs=1e-4)
+
+
+def test_contents_are_recognised_whatever_the_ending(tmp_path: Path) -> None:
+    text = "t (s),x (m),y (m)\n" + lines(T, X, Y)
+    for name, data in {"a.csv": text.encode("utf-16-le"), "a.xlsx": text.encode()}.items():
+        (tmp_path / name).write_bytes(data)
+        assert len(read_tracks(tmp_path / name).tracks[0]) == ROWS
+    (tmp_path / "b.csv").write_bytes(b"%PDF-1.4\n1 0 obj\n")
+    with pytest.raises(UsageError, match="a PDF"):
+        read_tracks(tmp_path / "b.csv")
+
+
+def test_formulas_without_results_are_refused_by_their_cell(tmp_path: Path) -> None:
+    table = pd.DataFrame({"t (s)": T, "x (m)": [f"={x}*1" for x in X], "y (m)": Y})
+    table["y (m)"] = table["x (m)"]
+    table.to_excel(tmp_path / "a.xlsx", index=False)
+    with pytest.raises(UsageError, match="B2"):
+        read_tracks(tmp_path / "a.xlsx")
+
+
+def test_boxes_of_a_tracker_without_a_header(tmp_path: Path) -> None:
+    path = tmp_path / "gt.txt"
+    rows = enumerate(zip(100 + 400 * X, 700 - 400 * Y, strict=True), start=1)
+    path.write_text("".join(f"{k},1,{x - 44},{y - 44},88,88,1,-1,-1,-1\n" for k, (x, y) in rows))
+    assert read_tracks(path).tracks[0].px[:, 0] == pytest.approx(100 + 400 * X)
+
+
+@pytest.mark.parametrize("head", ["angle (deg)", "Winkel (Grad)", "theta (rad)", "phi"])
+def test_an_angle_alone_is_a_swing(head: str, tmp_path: Path) -> None:
+    time = np.arange(300) / 60.0
+    angle = np.radians(40.0) + 0.2 * np.cos(2.0 * np.pi * time / 1.6)
+    angle = angle if "rad" in head and "Grad" not in head else np.degrees(angle) % 360.0
+    path = tmp_path / "a.csv"
+    path.write_text(f"t (s),{head}\n" + lines(time, angle), encoding="utf-8")
+    found = measure_from_tracks(path)
+    period = found.quantity("swing_period")
+    assert abs(period.value - 1.6) < 3.0 * period.std
+
+
+def test_the_body_at_rest_is_the_ball_of_a_collision(tmp_path: Path) -> None:
+    time, rng = np.arange(120) / 120.0, np.random.default_rng(1)
+    after = np.maximum(time - 0.4, 0.0)
+    places = (0.27 + 1.2 * time - 1.14 * after, 0.8 + 1.14 * after)
+    noisy = [x + rng.normal(0.0, 3e-4, 120) for x in places]
+    flat = [0.3 + rng.normal(0.0, 3e-4, 120) for _ in places]
+    path = tmp_path / "a.csv"
+    head = "t (s),A x (m),A y (m),B x (m),B y (m)\n"
+    path.write_text(head + lines(time, noisy[0], flat[0], noisy[1], flat[1]), encoding="utf-8")
+    found = measure_from_tracks(path)
+    assert found.motion.kind is MotionKind.COLLISION
+    for name, true in {
+        "speed_after": 1.14,
+        "other_speed_before": 1.2,
+        "cor_collision": 0.9,
+    }.items():
+        one = found.quantity(name)
+        assert abs(one.value - true) < 3.0 * one.std, name
+    stated = measure_from_tracks(path, measure_options(kind="roll"), columns={"ball": "b"})
+    assert stated.motion.kind is MotionKind.ROLL
+
+
+def test_gliders_have_an_x_alone(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("t (s),x1 (m),x2 (m)\n" + lines(T, X, X + 1.0), encoding="utf-8")
+    assert [one.name for one in read_tracks(path).tracks] == ["1", "2"]
+
+
 REFUSED = {
     "an unknown unit without a fall": ("t (s),x (ell),y (ell)\n" + lines(T, X, X), "unit=m"),
     "two positions along a line": ("t (s),s1 (m),s2 (m)\n" + lines(T, X, X), "x=NAME"),
+    "exchanged axes": ("t (s),x (m),y (m)\n" + lines(T, Y, X), '"x=y (m), y=x (m)"'),
     "the height is z": ("t,x,y,z\n" + lines(T, X, 1.0 + 0.0 * T, Y), "y=z"),
     "a line break in a cell": (
         "t (s),x (m),y (m),note\n0,0,0,\n" + '1,1,1,"a\nb"\n' + "2,2,2,\n",
