@@ -11,9 +11,16 @@ _Result = TypeVar("_Result")
 
 
 class KeptResults:
-    """The newest result of each step, found by everything that the step depends on."""
+    """The newest result of each step, found by everything that the step depends on.
+
+    Attributes
+    ----------
+    watch : callable
+        Called with what is found before the end.
+    """
 
     def __init__(self) -> None:
+        self.watch: Callable[..., None] = lambda *_: None
         self._held: dict[str, tuple[bytes, Any]] = {}
 
     def once(self, step: str, inputs: object, compute: Callable[[], _Result]) -> _Result:

@@ -109,7 +109,6 @@ def follow(
     if given is not None:
         given.require_within(recording.whole)
     for looks_left in range(_MAX_BREAKS, -1, -1):
-        footage = recording.footage
         tracks, scene, seen = _followed_in(
             recording, capture_fps, ball_at, mass_at, given, kind, progress, kept
         )
@@ -122,9 +121,7 @@ def follow(
             recording = recording.lacking(clip, lost)
         else:
             recording = recording.beside(clip, lost, _left_in((seen, *others)))
-    first, started, whole = footage.first, footage.started, recording.whole
-    place = PlaceInClip(footage.shown, first, started, whole, capture_fps)
-    return replace(tracks.in_clip(place), lacks=recording.lacks)
+    return replace(tracks.in_clip(recording.place(capture_fps)), lacks=recording.lacks)
 
 
 @dataclass(frozen=True)
@@ -149,6 +146,11 @@ class _Recording:
     part: tuple[int, int]
     lacks: tuple[tuple[int, int], ...] = ()
     said: tuple[str, ...] = ()
+
+    def place(self, capture_fps: float) -> PlaceInClip:
+        """Where its frames are in the clip."""
+        footage = self.footage
+        return PlaceInClip(footage.shown, footage.first, footage.started, self.whole, capture_fps)
 
     def lacking(self, clip: "ClipReader", lost: LostFrames) -> "_Recording":
         """The same with lost frames counted."""
@@ -350,6 +352,10 @@ def _followed_in(
     if found is None:
         raise _no_ball(ball_at)
     _tell(progress, 0.4)
+    place = recording.place(capture_fps)
+    viewed = place.frame(np.array(list(scene.views), dtype=np.int64)).tolist()
+    shifts = [view.shift_px for view in scene.views.values()]
+    kept.watch(found.in_clip(place), dict(zip(viewed, shifts, strict=True)))
     found, seen = _most_probable(scene, found, ball_at, mass_at, kept)
     scene, picture, rough, rest = seen.scene, seen.picture, seen.rough, seen.rest
     came, striker = seen.came, seen.striker

@@ -1,6 +1,7 @@
 """A folder of clips as a campaign: cards and points of its ledger, marks, runs."""
 
 import json
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -27,12 +28,15 @@ from pipelines.campaign.results import read_lab_book
 from pipelines.report.inputs import for_people
 from pipelines.terminal import as_typed
 
-__all__ = ["ClipCard", "FolderInputs", "FolderSession", "FolderState"]
+__all__ = ["WANTED_STD", "ClipCard", "FolderInputs", "FolderSession", "FolderState", "Wanted"]
 
 MIN_CERTAIN_PROBABILITY = 0.9
 """Probability of the motion kind below which a clip is listed first (chosen)."""
 
 CARD_QUANTITIES = ("contact_time", "ball_speed", "launch_angle", "cor")
+
+WANTED_STD = 0.01
+"""Standard uncertainty of restitution that a campaign is planned for (chosen: 1 %)."""
 
 MAX_REASON = 500
 """Characters of a reason (chosen: a sentence or two)."""
@@ -88,6 +92,25 @@ class ClipCard:
 
 
 @dataclass(frozen=True)
+class Wanted:
+    """Strikes that would make a ball's law as certain as `WANTED_STD` where it is least so.
+
+    Attributes
+    ----------
+    ball : str
+    speed, std : float
+        Impact speed, m/s, and the law's standard uncertainty there.
+    strikes : int
+        At the least; 0 if there are enough.
+    """
+
+    ball: str
+    speed: float
+    std: float
+    strikes: int
+
+
+@dataclass(frozen=True)
 class FolderState:
     """State of a campaign.
 
@@ -101,12 +124,15 @@ class FolderState:
         Impact speed, coefficient of restitution, clip, and whether it counts.
     law : tuple of (float, float)
         The fitted law: speeds and values.
+    wanted : tuple of Wanted
+        A ball each.
     """
 
     counts: dict[str, int]
     cards: tuple[ClipCard, ...]
     points: tuple[tuple[float, float, str, bool], ...]
     law: tuple[tuple[float, float], ...]
+    wanted: tuple[Wanted, ...] = ()
 
 
 class FolderSession:
@@ -263,7 +289,7 @@ class FolderSession:
         cards = [_card(one, pointed.get(one.order.clip, ""), self.out) for one in entries]
         cards.sort(key=lambda one: not one.unsure)
         points = [point for one in entries if (point := _point(one)) is not None]
-        return FolderState(counts, tuple(cards), tuple(points), _law(self.out / "summary.json"))
+        return FolderState(counts, tuple(cards), tuple(points), *_laws(self.out / "summary.json"))
 
     def _has_ledger(self) -> bool:
         return (self.out / "ledger.sqlite").is_file()
@@ -375,14 +401,20 @@ def _point(entry: Entry) -> tuple[float, float, str, bool] | None:
     return float(speed), float(cor), entry.order.clip, entry.excluded is None
 
 
-def _law(summary: Path) -> tuple[tuple[float, float], ...]:
-    """Fitted laws of the last results, one after another; none while there are none."""
+def _laws(summary: Path) -> tuple[tuple[tuple[float, float], ...], tuple[Wanted, ...]]:
+    """Fitted laws of the last results, one after another, and what each lacks; none without."""
     try:
-        balls = json.loads(summary.read_text(encoding="utf-8"))["balls"].values()
-        return tuple(
-            (float(at["speed"]), float(at["value"]))
-            for ball in balls
-            for at in ball.get("cor_at", ())
-        )
+        balls = json.loads(summary.read_text(encoding="utf-8"))["balls"]
+        known = {name: ball["cor_at"] for name, ball in balls.items() if ball.get("cor_at")}
+        law = [(float(at["speed"]), float(at["value"])) for own in known.values() for at in own]
+        wanted = [_wanted(name, balls[name]) for name in known if balls[name]["precision"]]
+        return tuple(law), tuple(wanted)
     except (OSError, ValueError, TypeError, LookupError, AttributeError):
-        return ()
+        return (), ()
+
+
+def _wanted(name: str, ball: dict[str, Any]) -> Wanted:
+    """Strikes to add where the law is known least; their scatter averages, common errors do not."""
+    speed, std = max(((at["speed"], at["std"]) for at in ball["cor_at"]), key=lambda at: at[1])
+    lacking = ball["precision"]["repeatability"] ** 2 * (WANTED_STD**-2 - std**-2)
+    return Wanted(name, float(speed), float(std), max(math.ceil(lacking), 0))

@@ -114,7 +114,8 @@ def _budget(
 def _standing(item: Quantity, measured: ClipMeasurement) -> tuple[Standing, str]:
     for finding in measured.findings:
         if finding.key != "facts" and _changes(finding, item.unit):
-            return Standing.CONTRADICTED, finding.sentence
+            # the messages have the rest of it, and the cure
+            return Standing.CONTRADICTED, f"{finding.sentence.partition('. ')[0].rstrip('.')}."
     for check in measured.checks:
         if check.outcome is CheckOutcome.FAILED and _contradicts(check, item):
             return Standing.CONTRADICTED, check.statement

@@ -32,6 +32,10 @@ COLOURS = ("#e69f00", "#56b4e9", "#009e73", "#cc79a7", "#0072b2", "#d55e00")
 """Convention: palette of Okabe and Ito (2008), distinguishable with any colour vision."""
 
 
+DOWN = " (down)"
+"""Behind the label of an axis whose values increase downwards."""
+
+
 @dataclass(frozen=True)
 class Graph:
     """A graph.
@@ -66,6 +70,9 @@ class Graph:
         moves = "ctrl" if self.over_time else True
         zoom = {"type": "inside", "filterMode": "none", "moveOnMouseMove": moves}
         width, height = ({}, {}) if self.over_time else _equal_spans(self.series)
+        if self.y.endswith(DOWN) and not self.over_time:
+            # as in the picture
+            height = {**height, "inverse": True}
         return {
             "animation": False,
             "legend": {"type": "scroll", "top": 0, "left": 0, "itemWidth": 12},
@@ -181,7 +188,7 @@ def _paths(table: "pd.DataFrame", fits: Iterable[Curve]) -> list[Graph]:
         over_time.append(_points(f"{name} x", _rows(time, x, frame), 2 * place))
         over_time.append(_points(f"{name} y", _rows(time, y, frame), 2 * place + 1))
     drawn = [_line(curve, 4) for curve in fits] if metric else []
-    down = "" if metric else " (down)"
+    down = "" if metric else DOWN
     return [
         Graph("path", f"x / {unit}", f"y / {unit}{down}", False, (*path, *drawn)),
         Graph("position", "t / s", f"x, y / {unit}", True, tuple(over_time)),

@@ -72,8 +72,8 @@ class ClipSession:
         Why the corrections could not be read or saved; empty otherwise.
     step, part : str, float
         What is being done, and its completed fraction; no step if nothing is.
-    revision : int
-        Increases with every change of these.
+    drawn, revision : int
+        Increase with every change of what is drawn, and of anything.
     """
 
     def __init__(
@@ -89,11 +89,12 @@ class ClipSession:
         self.explained: ClipExplained | None = None
         self.problem = self.unsaved = self.step = ""
         self.part = 0.0
-        self.revision = 0
+        self.drawn = self.revision = 0
         self._measurer = measurer
         self._task = 0
         self._candidates: pd.DataFrame | None = None
         self._shown: pd.DataFrame | None = None
+        self._early: pd.DataFrame | None = None
         self._lock = RLock()
         file = corrections_file(path)
         self._readable = True
@@ -178,8 +179,14 @@ class ClipSession:
         with self._lock:
             if answer.number != self._task:
                 return
-            self.step, self.part = ("", 1.0) if answer.done else (answer.step, answer.part)
+            if answer.done or answer.step:
+                self.step, self.part = answer.step, answer.part
+            else:
+                self._early = answer.candidates
+            if answer.done or not answer.step:
+                self.drawn += 1
             if answer.done:
+                self._early = None
                 self.problem = answer.problem
                 if measured is not None or answer.candidates is not None:
                     self.measured, self.figures, self.graphs = measured, figures, graphs
@@ -200,6 +207,8 @@ class ClipSession:
     def marks(self) -> dict[str, Any]:
         """Outlines, events and found objects for the viewer."""
         with self._lock:
+            if self.measured is None and self._early is not None:
+                return marks_of(None, self._early)
             return marks_of(self.measured, self._shown)
 
     def close(self) -> None:

@@ -67,6 +67,7 @@ viewer.open = config => {
     event.preventDefault();
     zoom(event.deltaY < 0 ? 1.2 : 1 / 1.2);
   }, {passive: false});
+  new ResizeObserver(draw).observe(stage);
   now.image.addEventListener("load", loaded);
   now.image.addEventListener("error", () => {
     const wanted = now.loading;
@@ -162,14 +163,16 @@ function play() {
   now.player.textContent = now.play ? "❚❚" : "▶";
 }
 
+// px of the clip for one of the screen; zoomed in, lines grow less than the picture
+const pixel = () => now.width / Math.max(now.stage.clientWidth, 1) / Math.sqrt(now.zoom);
 function circle(x, y, r, kind, label) {
-  const unit = now.width / 640;
+  const unit = pixel();
   make("svg:circle", {cx: x, cy: y, r, class: "vs-" + kind, "stroke-width": 1.6 * unit}, now.svg);
   make("svg:circle", {cx: x, cy: y, r: 1.2 * unit, class: "vs-dot vs-" + kind}, now.svg);
   if (label) name(x + r + 3 * unit, y - r, label);
 }
 function name(x, y, text) {
-  const unit = now.width / 640, left = x > 0.85 * now.width;
+  const unit = pixel(), left = x > 0.85 * now.width;
   make("svg:text", {x: left ? x - 24 * unit : x, y: Math.max(y, 14 * unit), "font-size": 12 * unit,
                     class: "vs-text", "text-anchor": left ? "end" : "start", "stroke-width": 3 * unit,
                     text}, now.svg);
@@ -178,10 +181,12 @@ function draw() {
   if (!now) return;
   now.svg.replaceChildren();
   now.layer.style.transform = `translate(${now.left}px, ${now.top}px) scale(${now.zoom})`;
-  const unit = now.width / 640, marks = now.marks, frame = now.shown;
+  const unit = pixel(), marks = now.marks, frame = now.shown;
   const ball = marks.objects.find(one => one.kind === "ball");
-  if (ball) {
-    const points = ball.frame.map((at, row) => at <= frame ? `${ball.x[row]},${ball.y[row]}` : "");
+  // what is found before the end is drawn at once
+  const early = !marks.objects.length, path = ball || marks.candidates.find(one => one.measured);
+  if (path) {
+    const points = path.frame.map((at, row) => at <= frame ? `${path.x[row]},${path.y[row]}` : "");
     make("svg:polyline", {points: points.filter(Boolean).join(" "), class: "vs-path",
                           "stroke-width": 1.1 * unit}, now.svg);
   }
@@ -195,9 +200,10 @@ function draw() {
     const named = one.kind !== "other" || now.all;
     circle(...moved, one.r[row], one.kind, named ? now.words.objects[one.name] || one.name : "");
   }
-  if (now.all || now.mode) for (const one of marks.candidates) {
-    const row = one.rows.get(frame);
-    if (row !== undefined && !one.measured) circle(one.x[row], one.y[row], one.r[row], "found", "");
+  if (now.all || now.mode || early) for (const one of marks.candidates) {
+    const row = one.rows.get(frame), kind = one.measured ? "ball" : "found";
+    if (row !== undefined && (early || !one.measured))
+      circle(one.x[row], one.y[row], one.r[row], kind, one.measured ? now.words.objects.ball : "");
   }
   const at = one => now.drag && now.drag.object === one ? now.drag.place : [one.x[0], one.y[0]];
   for (const one of now.points) {
@@ -211,10 +217,10 @@ function draw() {
   if (now.cross) cross(now.cross, "cross");
 }
 function cross([x, y], kind, label) {
-  const arm = 9 * now.width / 640;
+  const unit = pixel(), arm = 9 * unit;
   if (label) name(x + arm, y - arm, label);
   make("svg:path", {d: `M${x - arm},${y}H${x + arm}M${x},${y - arm}V${y + arm}`, class: "vs-" + kind,
-                    "stroke-width": 1.6 * now.width / 640}, now.svg);
+                    "stroke-width": 1.6 * unit}, now.svg);
 }
 function ticks() {
   now.ticks.replaceChildren();

@@ -27,6 +27,10 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "language": ("Language", "Sprache"),
     "dark": ("Dark", "Dunkel"),
     "measuring": ("Measuring: {step}", "Messung: {step}"),
+    "starting": ("starting", "Start"),
+    "following ball and pendulum": ("following ball and pendulum", "Ball und Pendel verfolgen"),
+    "calibrating": ("calibrating", "Kalibrieren"),
+    "propagating uncertainty": ("propagating uncertainty", "Unsicherheit berechnen"),
     "facts": (
         "{width} × {height} px, {frames} frames, {rate}",
         "{width} × {height} px, {frames} Bilder, {rate}",
@@ -95,6 +99,11 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "kind_bounce": ("bounce", "Aufprall"),
     "kind_swing": ("swing", "Schwingung"),
     "kind_collision": ("collision of two balls", "Stoß zweier Bälle"),
+    "kind_roll": ("roll", "Rollen"),
+    "kind_slide": ("slide", "Gleiten"),
+    "kind_circle": ("circle", "Kreisbewegung"),
+    "kind_carried": ("carried motion", "geführte Bewegung"),
+    "kind_none": ("none of the known", "keine bekannte"),
     "inputs_note": (
         "Distances, the pendulum and the air are in the set-up file, which page Set up writes.",
         "Abstände, Pendel und Luft stehen in der Einrichtungsdatei der Seite Einrichten.",
@@ -219,6 +228,14 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "measure_all": ("Measure all", "Alle messen"),
     "cor_graph": ("Restitution against impact speed", "Stoßzahl über Stoßgeschwindigkeit"),
     "cor_note": ("A click on a point opens its clip.", "Ein Klick öffnet die Aufnahme."),
+    "film_more": (
+        "for ± {target} film at least {count} more near {speed} m/s (now ± {std} there).",
+        "für ± {target} noch mindestens {count} bei {speed} m/s filmen (dort jetzt ± {std}).",
+    ),
+    "filmed_enough": (
+        "the law is known to ± {std} or better over the speeds filmed.",
+        "das Gesetz ist bei allen gefilmten Geschwindigkeiten auf ± {std} oder besser bekannt.",
+    ),
     "counts": ("counts", "zählt"),
     "excluded": ("marked as bad", "als schlecht markiert"),
     "law": ("fitted law", "angepasstes Gesetz"),

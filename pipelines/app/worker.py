@@ -5,13 +5,16 @@ import os
 import signal
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 from threading import RLock, Thread
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from measuring.chain import MeasureOptions, measure_clip
 from metrology import ImpactVisionError, NotFoundError
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from measuring.measurement import ClipMeasurement
+    from vision.finding.selection import FoundObjects
 
 __all__ = ["ClipAnswer", "Measurer", "Task"]
 
@@ -64,7 +68,7 @@ class ClipAnswer:
         Completed fraction of it.
     measured : ClipMeasurement or None
     candidates : DataFrame or None
-        Tracklets found, also where none could be measured.
+        Tracklets found, also before the end and where none could be measured.
     problem : str
         Why nothing was measured.
     done : bool
@@ -178,6 +182,14 @@ def _answer(task: Task, pipe: Connection, kept: KeptResults) -> ClipAnswer:
             raise _Superseded
         pipe.send(ClipAnswer(task.number, step, part, done=False))
 
+    def show(found: "FoundObjects", shifts: Mapping[int, NDArray[np.float64]]) -> None:
+        table = candidate_table(found)
+        # places in the frames of a camera that moves
+        away = [shifts.get(at, np.zeros(2)) for at in table["frame"]]
+        table[["x_px", "y_px"]] += np.reshape(away, (-1, 2))
+        pipe.send(ClipAnswer(task.number, candidates=table, done=False))
+
+    kept.watch = show
     try:
         return measured_answer(task, tell, kept)
     except ImpactVisionError as problem:

@@ -82,6 +82,7 @@ class ClipPage:
     def __init__(self, session: AppSession, clip: ClipSession, say: Say) -> None:
         self.session, self.clip, self.say = session, clip, say
         self._revision = -1
+        self._outlined = -1
         self._drawn: object = None
         self._numbered: object = None
         self._frame = ClipFrame(clip, say, self._marks_url)
@@ -134,9 +135,10 @@ class ClipPage:
         problem = clip.frames.problem or clip.problem
         if clip.busy and not clip.frames.problem:
             with ui.column().classes("va-card").props("role=status data-test=busy"):
-                ui.label(say("measuring", step=clip.step))
+                said = say("measuring", step=say(clip.step))
+                ui.label(said)
                 ui.linear_progress(clip.part, show_value=False).props(
-                    f'aria-label="{say("measuring", step=clip.step)}" color=teal'
+                    f'aria-label="{said}" color=teal'
                 )
         if problem:
             note = (
@@ -162,10 +164,13 @@ class ClipPage:
                     ui.label(say("no_numbers", question=say("which_ball")))
                 return
             motion = measured.motion
-            said = say("motion", kind=motion.kind.noun, p=f"{motion.probability:.2f}")
+            kind, probability = say(f"kind_{motion.kind.value}"), f"{motion.probability:.2f}"
+            said = say("motion", kind=kind, p=probability)
             ui.label(said).classes("va-small").props("data-test=motion")
             figures = self.clip.figures
             large = [one for one in figures if one.value][:LARGE_FIGURES]
+            if not large and self._question:
+                ui.label(on_page(self._question, say)).classes("va-note bad")
             # what holds of all is said once
             common = {standing_text(one, say) for one in large}
             if len(large) > 1 and len(common) == 1:
@@ -180,6 +185,12 @@ class ClipPage:
                         ui.label(say("more", count=len(figures))).classes("inline")
                     for figure in rest:
                         self._small(figure)
+
+    @property
+    def _question(self) -> str:
+        """What would have to be known for any number; empty if nothing is missing."""
+        findings = () if self.clip.measured is None else self.clip.measured.findings
+        return next((one.sentence for one in findings if one.key == "facts"), "")
 
     def _large(self, figure: Figure, *, alone: bool) -> None:
         with ui.element("div").classes("va-figure").props(f'data-test="figure-{figure.name}"'):
@@ -233,6 +244,8 @@ class ClipPage:
         """Warnings of the measurement and of the file."""
         measured = self.clip.measured
         said = [] if measured is None else list(measured.warnings)
+        if self._question in said and not any(one.value for one in self.clip.figures):
+            said.remove(self._question)
         if not said:
             return
         findings = () if measured is None else measured.findings
@@ -452,6 +465,9 @@ class ClipPage:
             return
         self._revision = clip.revision
         self.status.refresh()
+        if clip.drawn != self._outlined:
+            self._outlined = clip.drawn
+            ui.run_javascript(f"visionViewer.marks({json.dumps(self._marks_url)})")
         history = clip.history
         self._undo.set_enabled(history.can_undo)
         self._redo.set_enabled(history.can_redo)
@@ -470,7 +486,6 @@ class ClipPage:
             self.messages.refresh()
         if not clip.busy:
             self.graphs.refresh()
-            ui.run_javascript(f"visionViewer.marks({json.dumps(self._marks_url)})")
 
     @property
     def _marks_url(self) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 from nicegui import ui
 
 from pipelines.app.exports import EXPORTS, Export, written
-from pipelines.app.pages.clip import job_status
+from pipelines.app.pages.clip import copy_card, job_status
 from pipelines.app.session import ClipSession
 from pipelines.app.words import Say, on_page
 from pipelines.web import Jobs
@@ -35,21 +35,23 @@ class ExportPage:
     def build(self) -> None:
         """Lay the page out."""
         say = self.say
-        with ui.column().classes("va-page"), ui.column().classes("va-card"):
-            with ui.element("h1"):
-                ui.label(say("export_of", name=self.clip.path.name))
-            if self.clip.measured is None:
-                ui.label(say("nothing_to_export")).props("data-test=empty")
-                return
-            link = ui.element("a").props('href="/sheet" target="_blank" data-test=sheet')
-            with link.classes("va-pick"):
-                ui.label(say("sheet"))
-                ui.label(say("sheet_note")).classes("va-small")
-            ui.label(say("export_note", folder=self.clip.path.parent)).classes("va-small")
-            with ui.element("div").classes("va-grid"):
-                for export in EXPORTS:
-                    self._pick(export)
-            self.status()
+        with ui.column().classes("va-page"):
+            with ui.column().classes("va-card"):
+                with ui.element("h1"):
+                    ui.label(say("export_of", name=self.clip.path.name))
+                if self.clip.measured is None:
+                    ui.label(say("nothing_to_export")).props("data-test=empty")
+                    return
+                link = ui.element("a").props('href="/sheet" target="_blank" data-test=sheet')
+                with link.classes("va-pick"):
+                    ui.label(say("sheet"))
+                    ui.label(say("sheet_note")).classes("va-small")
+                ui.label(say("export_note", folder=self.clip.path.parent)).classes("va-small")
+                with ui.element("div").classes("va-grid"):
+                    for export in EXPORTS:
+                        self._pick(export)
+                self.status()
+            copy_card(say, self.clip.as_command(), self.clip.as_python())
         ui.timer(POLL_S, self._poll)
 
     def _pick(self, export: Export) -> None:

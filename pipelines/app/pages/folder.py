@@ -10,7 +10,14 @@ from nicegui import run, ui
 from nicegui.events import GenericEventArguments
 
 from metrology import ImpactVisionError
-from pipelines.app.campaign import ClipCard, FolderInputs, FolderSession, FolderState
+from pipelines.app.campaign import (
+    WANTED_STD,
+    ClipCard,
+    FolderInputs,
+    FolderSession,
+    FolderState,
+    Wanted,
+)
 from pipelines.app.graphs import COLOURS
 from pipelines.app.words import Say, label_of, on_page
 
@@ -116,6 +123,8 @@ class FolderPage:
                 ).classes("va-graph")
                 self._chart.props(f'role=img aria-label="{say("cor_graph")}"')
                 ui.label(say("cor_note")).classes("va-small")
+                self._wanted = ui.label().props("role=status data-test=wanted")
+                self._wanted.style("white-space: pre-line")
             with ui.row().classes("items-center gap-2") as self._filter:
                 choice = {name: say(f"show_{name}") for name in ("all", "unsure", "bad")}
                 ui.radio(choice, value="all", on_change=self._choose).props(
@@ -193,12 +202,20 @@ class FolderPage:
             self._points = (state.points, state.law)
             self._chart.options.update(cor_options(state, self.say))
             self._chart.update()
+            self._wanted.text = "\n".join(self._sentence(one) for one in state.wanted)
         wanted = [one for one in state.cards if self._is_wanted(one)][:MAX_CARDS]
         names = {one.clip for one in wanted}
         for clip in self._cards.keys() - names:
             self._cards.pop(clip)[1].delete()
         for place, one in enumerate(wanted):
             self._place(one, place)
+
+    def _sentence(self, wanted: Wanted) -> str:
+        """What a ball's law lacks."""
+        key = "film_more" if wanted.strikes else "filmed_enough"
+        values = {"std": f"{wanted.std:.2g}", "speed": f"{wanted.speed:.2g}"}
+        said = self.say(key, target=f"{WANTED_STD:g}", count=wanted.strikes, **values)
+        return f"{wanted.ball}: {said}" if wanted.ball else said
 
     def _is_wanted(self, card: ClipCard) -> bool:
         if self._show == "unsure":

@@ -151,7 +151,7 @@ class SetupPage:
                 with ui.element("h1"):
                     ui.label(say("setup_of", name=self.clip.path.name))
                 self._facts = ui.label().classes("va-small")
-            with ui.element("div").classes("va-columns"):
+            with ui.element("div").classes("va-columns va-ends"):
                 with ui.element("div").classes("va-column"), ui.column().classes("va-card"):
                     self._frame.build()
                     with ui.row().classes("items-center gap-2"):

@@ -11,7 +11,7 @@ import pytest
 
 from bench.page.served import running
 from metrology import ImpactVisionError, UsageError
-from pipelines.app.campaign import FolderInputs, FolderSession
+from pipelines.app.campaign import FolderInputs, FolderSession, Wanted
 from pipelines.app.pages.folder import cor_options
 from pipelines.app.session import AppSession, is_images
 from pipelines.app.words import says
@@ -97,10 +97,12 @@ def test_the_state_is_that_of_the_ledger(out: Path) -> None:
 
 
 def test_the_law_of_the_last_results_is_drawn(out: Path) -> None:
-    at = [{"speed": 1.0, "value": 0.8}, {"speed": 2.0, "value": 0.7}]
-    balls = {"jokku": {"cor_at": at}, "other": {"law": None}}
+    at = [{"speed": 1.0, "value": 0.8, "std": 0.01}, {"speed": 2.0, "value": 0.7, "std": 0.02}]
+    balls = {"jokku": {"cor_at": at, "precision": {"repeatability": 0.03}}, "other": {"law": None}}
     (out / "summary.json").write_text(json.dumps({"balls": balls}))
     assert FolderSession(out).state().law == ((1.0, 0.8), (2.0, 0.7))
+    # weights of the means: 1 / 0.01² is 1 / 0.02² and 7 times 1 / 0.03²
+    assert FolderSession(out).state().wanted == (Wanted("jokku", 2.0, 0.02, 7),)
     for damage in ("", "[]", '{"balls": 3}', '{"balls": {"a": {"cor_at": [{}]}}}'):
         (out / "summary.json").write_text(damage)
         assert FolderSession(out).state().law == ()

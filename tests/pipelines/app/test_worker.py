@@ -12,9 +12,10 @@ from measuring.chain import MeasureOptions
 from measuring.setup.file import load_setup
 from metrology.kept import KeptResults
 from pipelines.app.corrections import ObjectMark, corrected_table
+from pipelines.app.marks import marks_of
 from pipelines.app.worker import ClipAnswer, Measurer, Task, measured_answer
 from pipelines.measure.files import measurement_as_json
-from tests.pipelines.app.small import CLIP
+from tests.pipelines.app.small import CLIP, falling
 
 
 def test_a_task_given_as_the_process_dies_is_answered(tmp_path: Path) -> None:
@@ -35,6 +36,25 @@ def test_a_task_given_as_the_process_dies_is_answered(tmp_path: Path) -> None:
         assert "ended unexpectedly" in answers.get(timeout=30.0)
     assert "missing.mp4" in answers.get(timeout=30.0)
     measurer.stop()
+
+
+def test_found_objects_are_reported_before_the_end(tmp_path: Path) -> None:
+    answers: Queue[ClipAnswer] = Queue()
+    measurer = Measurer(answers.put)
+    measurer.measure(falling(tmp_path / "clip"), MeasureOptions())
+    early, answer = [], answers.get(timeout=120.0)
+    while not answer.done:
+        early += [] if answer.candidates is None else [answer.candidates]
+        answer = answers.get(timeout=120.0)
+    measurer.stop()
+    (drawn,) = (marks_of(None, one)["candidates"] for one in early)
+    assert answer.measured is not None
+    (ball,) = (one for one in drawn if one["measured"])
+    at = dict(zip(ball["frame"], ball["y"], strict=True))
+    exact = marks_of(answer.measured)["objects"][0]
+    off = [at[one] - y for one, y in zip(exact["frame"], exact["y"], strict=True) if one in at]
+    assert len(off) > 20
+    assert np.abs(off).max() < 3.0
 
 
 class _Counted(KeptResults):
