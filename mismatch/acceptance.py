@@ -98,6 +98,8 @@ class NameEvidence:
     mixed : int
         One if the answer names faults of the recording and laws of the motion together. Both at
         once are rare, and either bends a path as the other's imperfect form leaves it.
+    log_odds_over_inputs : float
+        Logarithm of the odds against usual errors of the inputs in its place.
     """
 
     id: str
@@ -114,6 +116,7 @@ class NameEvidence:
     doubts: int
     over_chance: float = SURE_BY
     mixed: int = 0
+    log_odds_over_inputs: float = SURE_BY
 
 
 def features_of(evidence: NameEvidence) -> FloatArray:
@@ -161,10 +164,15 @@ def _calibration() -> Mapping[str, Any]:
 
 
 def calibrated_probability(evidence: NameEvidence) -> float:
-    """Probability that a name is right, by the fitted logistic model."""
+    """Probability that a name is right, by the fitted logistic model.
+
+    No more than its share against usual errors of the inputs, whose prior odds are fitted to
+    careful laboratories.
+    """
     fitted = _calibration()
     weights = np.array([fitted["weights"][name]["value"] for name in FEATURES])
     score = fitted["intercept"]["value"] + float(weights @ features_of(evidence))
+    score = min(score, evidence.log_odds_over_inputs)
     return 1.0 / (1.0 + math.exp(-max(min(score, 30.0), -30.0)))
 
 
@@ -221,6 +229,7 @@ def evidence_for_names(
                 int(doubted or (len(best.members) > 1 and interval[0] <= 0.0)),
                 mine / best.reduced_chi2 - naming.threshold,
                 int(mixed),
+                _over_inputs(naming, best, member.id),
             )
         )
     return tuple(found)
@@ -241,10 +250,22 @@ def _together_without(naming: Naming, best: Hypothesis, identity: str) -> float:
             ids = max(smaller, key=lambda one: heights[one], default=ids)
             heights[ids] = max(naming.height(h), heights.get(ids, -math.inf))
     evidence = np.array([naming.threshold - 6.0, *heights.values()])
-    gain = naming.height(best) / best.reduced_chi2
-    unit = 2.0 * best.reduced_chi2 * (1.0 + FORM_ERROR * max(gain, 0.0) / ODDS)
+    unit = _unit_of_odds(naming, best)
     top = float(evidence.max())
     return top + unit * math.log(float(np.exp((evidence - top) / unit).sum()))
+
+
+def _unit_of_odds(naming: Naming, best: Hypothesis) -> float:
+    """Evidence per factor e in the odds of two answers, as far as imperfect forms leave them."""
+    gain = naming.height(best) / best.reduced_chi2
+    return 2.0 * best.reduced_chi2 * (1.0 + FORM_ERROR * max(gain, 0.0) / ODDS)
+
+
+def _over_inputs(naming: Naming, best: Hypothesis, identity: str) -> float:
+    """Logarithm of the odds of the answer over usual errors of the inputs in place of a name."""
+    instead = [h for h in naming.tried if USUAL_INPUTS in h.ids and identity not in h.ids]
+    first = max((naming.height(h) for h in instead), default=-math.inf)
+    return min((naming.height(best) - first) / _unit_of_odds(naming, best), SURE_BY)
 
 
 def sets_to_predict(naming: Naming) -> tuple[Hypothesis, ...]:
@@ -267,12 +288,22 @@ def other_kind(naming: Naming, best: Hypothesis) -> Hypothesis | None:
 
 
 def other_sizes(naming: Naming, best: Hypothesis) -> tuple[Hypothesis, ...]:
-    """The best allowed set of fewer names, and the best of more if it has as much evidence."""
+    """The best allowed set of fewer names, and the best of more if it has as much evidence.
+
+    The probability of a name does not ask whether others are missing: the answer without one of its
+    names is an answer as long as imperfect forms may be ahead of it by as much.
+    """
     named = [
         h for h in naming.tried
         if h.allowed and not h.has_unnamed and USUAL_INPUTS not in h.ids
     ]  # fmt: skip
-    fewer = [h for h in named if len(h.members) < len(best.members)]
+    without = naming.height(best) - 0.5 * ODDS * _unit_of_odds(naming, best)
+    fewer = [
+        h
+        for h in named
+        if len(h.members) < len(best.members)
+        and (naming.height(h) >= without or not set(h.ids) < set(best.ids))
+    ]
     least = best.penalised_gain - group_tolerance(best)
     more = [h for h in named if len(h.members) > len(best.members) and h.penalised_gain >= least]
     return tuple(max(sets, key=lambda h: h.penalised_gain) for sets in (fewer, more) if sets)

@@ -1,5 +1,6 @@
 """Compare a campaign with a baseline model and report what is missing."""
 
+import logging
 import re
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
@@ -74,6 +75,9 @@ from physics.domain import FloatArray
 from physics.effects import CATALOGUE, MEASUREMENT_IDS, Effect, EffectId, Level, Parameter
 
 __all__ = ["ExplainedCampaign", "Options", "explain", "explain_in_full"]
+
+_log = logging.getLogger(__name__)
+"""One line for each stage, since a search may take minutes."""
 
 HINT = 3.0
 """Misfit of a strike from which the setup is to be checked first; a warning, no probability."""
@@ -163,6 +167,8 @@ def explain_in_full(
     _require_trials(campaign, chosen.hold_out)
     _require_enough(campaign)
     campaign = without_odd_trials(campaign)
+    rows = sum(trial.samples for trial in campaign.trials)
+    _log.info("Fit the baseline to %d rows of %d trials", rows, len(campaign.trials))
     prepared = prepare(campaign, setup_model, chosen.widths)
     refuse_nonsense(campaign, prepared)
     catalogue = [effect for forms in CATALOGUE.values() for effect in forms]
@@ -173,13 +179,15 @@ def explain_in_full(
         _refuse_failing(prepared, effect)
     prepared, naming = _searched(prepared, effects, chosen.most_effects, chosen.widths.keys())
     held = _held_mask(campaign, chosen.hold_out)
+    _log.info("Test what was found on data kept aside")
     answers = _tested_answers(prepared, naming, held)
     tested = _preferred(answers)
     weighed = (answer for answer in answers if answer.passed.is_weighed)
     considered = tuple(one for answer in weighed for one in answer.evidence)
     naming = tested.naming
     verdict = _verdict(campaign, prepared, tested)
-    verdict = replace(verdict, notes=(*verdict.notes, *_open_notes(prepared, naming.best)))
+    told = (*_open_notes(prepared, naming.best), *_form_notes(naming.best), *_aside_notes(naming))
+    verdict = replace(verdict, notes=(*verdict.notes, *told))
     names = tuple(trial.name for trial in campaign.trials)
     return ExplainedCampaign(verdict, prepared, naming, names, tested.evidence, considered)
 
@@ -202,7 +210,9 @@ def _searched(
     inputs = beside_usual_inputs(prepared, found)
     if inputs.opened is None:
         return prepared, found.and_tried(inputs.sets)
-    return _searched_as_stated(inputs.opened, effects, most)
+    _log.info("Search again with usual errors of the inputs")
+    opened, beside = _searched_as_stated(inputs.opened, effects, most)
+    return opened, replace(beside, set_aside=(found.best.ids, inputs.lead))
 
 
 def _with_fault_of_instrument(
@@ -403,6 +413,34 @@ def _open_notes(prepared: Prepared, best: Hypothesis | None) -> tuple[str, ...]:
                 " careful lab"
             )
     return tuple(found)
+
+
+def _form_notes(best: Hypothesis | None) -> tuple[str, ...]:
+    """How far the forms of the named laws are uncertain, and what that explains of the misfit."""
+    if best is None or best.form.size == 0.0 or best.reduced_chi2 < POOR_FIT:
+        return ()
+    sizes = ", ".join(
+        f"{member.id} by {100.0 * best.form.size * member.effect.looseness:.0f} %"
+        for member in best.members
+        if member.effect.looseness > 0.0
+    )
+    explained = min(best.form.absorbed / (best.fit.chi2 - best.fit.expected), 1.0)
+    return (
+        f"forms of the laws are uncertain ({sizes}): this explains {100.0 * explained:.0f} % of the"
+        " misfit that remains",
+    )
+
+
+def _aside_notes(naming: Naming) -> tuple[str, ...]:
+    """What would have been named if the inputs were exact."""
+    if naming.set_aside is None:
+        return ()
+    ids, lead = naming.set_aside
+    names = " and ".join(ids).replace("_", " ")
+    return (
+        f"usual errors of the stated inputs and instruments explain as much as {names}"
+        f" ({lead:.1f} units of evidence ahead), so these errors are left open in every fit",
+    )
 
 
 def _refuse_failing(prepared: Prepared, effect: Effect) -> None:
@@ -818,7 +856,7 @@ def _law_in_words(effect: Effect, parameters: Sequence[ParameterValue]) -> str:
 def _alternatives(naming: Naming, passed: Passed) -> tuple[Alternative, ...]:
     best = naming.best
     if best is None:
-        return ()
+        return _too_weak(naming)
     rows, rivals = [], naming.rivals()
     if not passed.names:
         rows.append(Alternative(best.ids, "; ".join(d.value for d in passed.doubts), 0.0))
@@ -845,6 +883,22 @@ def _alternatives(naming: Naming, passed: Passed) -> tuple[Alternative, ...]:
     if not best.has_unnamed and nameless and nameless[0] not in listed:
         listed[-1] = nameless[0]
     return tuple(listed)
+
+
+def _too_weak(naming: Naming) -> tuple[Alternative, ...]:
+    """What came nearest to being named, and the evidence that it lacks."""
+    rows = []
+    if naming.set_aside is not None:
+        why = "usual errors of the stated inputs and instruments explain as much"
+        ids, lead = naming.set_aside
+        rows.append(Alternative(ids, why, lead))
+    why = "explains no more than chance does in one campaign of a hundred"
+    rows += [
+        Alternative(ids, why, naming.threshold - evidence)
+        for ids, evidence in naming.nearest().items()
+        if evidence < naming.threshold
+    ]
+    return tuple(rows[:MAX_ALTERNATIVES])
 
 
 REMEDIES: Mapping[Doubt, str] = {

@@ -12,6 +12,7 @@ from mismatch.fitting.hypotheses import (
     Hypothesis,
     as_fitted,
     fit_hypothesis,
+    group_tolerance,
     price_of_weights,
 )
 from mismatch.fitting.prepare import Prepared
@@ -33,12 +34,15 @@ class BesideInputs:
         Those errors alone, and next to the answer without each of its names; next to all of it
         where they belong into every fit.
     opened : Prepared or None
-        The baseline with these errors open, where one of the sets has more evidence than the
-        answer: then they belong into every fit.
+        The baseline with these errors open, where they alone have more evidence than the answer, or
+        one of the sets by more than cannot be distinguished: then they belong into every fit.
+    lead : float
+        Evidence by which the best of the sets is ahead of the answer.
     """
 
     sets: tuple[Hypothesis, ...]
     opened: Prepared | None
+    lead: float = 0.0
 
 
 CHANCE = 0.01
@@ -59,15 +63,19 @@ def beside_usual_inputs(prepared: Prepared, naming: Naming) -> BesideInputs:
     if best is None or forward.mode != "impact":
         return BesideInputs((), None)
     instead = _in_place_of_names(prepared, naming, best)
+    alone, *others = (h.penalised_gain for h in instead)
     inputs = instead[0].members[0].effect
     both = _beside(forward, prepared.fit, best, inputs)
     height = naming.height(best)
     chance = float(chdtri(len(inputs.parameters), CHANCE)) * best.reduced_chi2
-    if max(map(_evidence, instead)) <= height and _evidence(both) <= height + chance:
+    # Next to a name that stays, errors that are not surely ahead compete with each further one.
+    limits = (height, *[height + group_tolerance(best)] * len(others), height + chance)
+    found = (alone, *others, both.penalised_gain)
+    if all(one <= limit for one, limit in zip(found, limits, strict=True)):
         return BesideInputs(instead, None)
     told = replace(forward.baseline, instruments=(*forward.baseline.instruments, inputs))
     opened = replace(prepared, forward=replace(forward, baseline=told), fit=instead[0].fit)
-    return BesideInputs((both, *instead), opened)
+    return BesideInputs((both, *instead), opened, max(found) - height)
 
 
 def lead_of_inputs(prepared: Prepared, naming: Naming) -> float | None:
@@ -75,7 +83,8 @@ def lead_of_inputs(prepared: Prepared, naming: Naming) -> float | None:
     if naming.best is None or prepared.forward.mode != "impact":
         return None
     sets = _in_place_of_names(prepared, naming, naming.best)
-    return max(map(_evidence, sets)) + PRIOR_COST - naming.height(naming.best)
+    lead = max(h.penalised_gain for h in sets) - naming.height(naming.best)
+    return lead + PRIOR_COST
 
 
 def _in_place_of_names(
@@ -102,15 +111,11 @@ def _in_place_of_names(
     )
 
 
-def _evidence(h: Hypothesis) -> float:
-    """Evidence of names next to inputs, which are no name."""
-    return h.penalised_gain + (MEMBER_PENALTY if len(h.members) > 1 else 0.0)
-
-
 def _beside(forward: Forward, base: Fit, found: Hypothesis | None, inputs: Effect) -> Hypothesis:
     """A set of names and the errors of the inputs, fitted together.
 
-    Every laboratory has such errors: they cost what they are large, not that they are looked for.
+    Every laboratory has such errors: they cost what they are large, not that they are looked for,
+    and next to names they are no further name.
     """
     members, strengths = ([], []) if found is None else as_fitted(found.members, found.fit)
     start = None if found is None else found.fit
@@ -119,4 +124,5 @@ def _beside(forward: Forward, base: Fit, found: Hypothesis | None, inputs: Effec
         forward, base, [*members, blank], [*strengths, np.zeros(len(inputs.parameters))],
         start=start,
     )  # fmt: skip
-    return replace(h, gain=h.gain + price_of_weights(h.fit, [inputs]) - PRIOR_COST)
+    spared = price_of_weights(h.fit, [inputs]) + (MEMBER_PENALTY if members else 0.0)
+    return replace(h, gain=h.gain + spared - PRIOR_COST)

@@ -4,6 +4,7 @@ The missing force over time is the posterior of a row of overlapping hats with a
 positions are linear in it, so that it is Gaussian and exact.
 """
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -52,6 +53,8 @@ from physics.effects import (
 )
 
 __all__ = ["Family", "LatentForce", "Naming", "missing_force", "name_effects"]
+
+_log = logging.getLogger(__name__)
 
 WEIGHT_SCALE = 2.2
 
@@ -174,6 +177,8 @@ class Naming:
     agreed : int
         Independent starts from which the answer's fit ended at the same place; one alone leaves
         open that another start would have ended lower.
+    set_aside : (tuple of str, float) or None
+        Names that usual errors of the inputs took the place of, and by how much evidence.
     """
 
     best: Hypothesis | None
@@ -181,6 +186,7 @@ class Naming:
     threshold: float
     first_scan: Scan
     agreed: int = 1
+    set_aside: tuple[tuple[str, ...], float] | None = None
 
     @cached_property
     def forms(self) -> Mapping[str, int]:
@@ -214,6 +220,16 @@ class Naming:
                 _averaged([h.penalised_gain for h in ordered], count, scale),
                 _averaged([h.quality for h in ordered], count, scale),
             )  # fmt: skip
+        return found
+
+    def nearest(self) -> Mapping[tuple[str, ...], float]:
+        """Allowed sets → evidence, best first; by the linear look alone where none was fitted."""
+        pool = self.first_scan.candidates
+        looks = [((pool[at].id,), gain) for gain, at, _ in _best_by_law(self.first_scan)]
+        fitted = [(h.ids, self.height(h)) for h in self.tried if h.allowed]
+        found: dict[tuple[str, ...], float] = {}
+        for ids, evidence in fitted or looks:
+            found.setdefault(ids, evidence)
         return found
 
     def rivals(self) -> tuple[Hypothesis, ...]:
@@ -524,17 +540,20 @@ def name_effects(
     """
     with_clocks = _with_clocks(forward, base, effects)
     pool = candidates_for(forward, base.model, with_clocks, unnamed=unnamed)
+    _log.info("Score %d forms of effects", len(pool))
     first = scan(forward, base, pool).with_likely_widths()
     threshold = null_threshold(first)
     ranked = _best_by_law(first, forward.mode == "swing")
     if not ranked or ranked[0][0] < 0.6 * threshold:
         return Naming(None, (), threshold, first)
+    _log.info("Fit the most probable effects alone")
     tried = _singles(forward, base, first, ranked)
     best = _best_allowed(forward, tried)
     if best is None or best.penalised_gain < least_gain(best, base, threshold):
         return Naming(None, _sorted(tried), threshold, first)
     most = min(most, 2) if _one_throw(forward) else most
     for size in range(2, most + 1):
+        _log.info("Fit sets of %d effects", size)
         larger, best = _one_more(forward, base, effects, best, tried, size, threshold, first)
         if larger is None:
             break

@@ -148,6 +148,7 @@ _ALL: tuple[Effect, ...] = (
     TimeBase(),
     LengthScale(),
     LengthScale(form=Form.ABOUT_THE_START),
+    LengthScale(form=Form.ABOUT_A_POINT, parameters=(*LengthScale().parameters, *ORIGIN_SHIFT)),
     CameraRoll(),
     CameraRoll(form=Form.BALL_ONLY),
     CameraRoll(form=Form.ABOUT_THE_START),

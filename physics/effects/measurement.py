@@ -45,8 +45,8 @@ __all__ = [
 ]
 
 ORIGIN_SHIFT = (
-    Parameter("shift_x", "m", 0.005, -2.0, 2.0, meaning="of the origin, for a turn about a point"),
-    Parameter("shift_y", "m", 0.005, -2.0, 2.0, meaning="of the origin, for a turn about a point"),
+    Parameter("shift_x", "m", 0.005, -2.0, 2.0, meaning="of the origin, for a fault about a point"),
+    Parameter("shift_y", "m", 0.005, -2.0, 2.0, meaning="of the origin, for a fault about a point"),
 )
 CAMERA_ROTATION = tuple(
     Parameter(
@@ -150,7 +150,7 @@ class LengthScale(Effect):
     coordinate: Coordinate = Coordinate.PLACE
 
     def image(self, values: Values, view: CameraView) -> Vector:
-        """Stretch about the origin on the floor, or about the ball's rest position."""
+        """Stretch about the origin on the floor, the ball's rest position, or any point."""
         error = values["scale_error"]
         if self.form == Form.ABOUT_THE_START:
             return (
@@ -159,7 +159,9 @@ class LengthScale(Effect):
                 view.z * (1.0 + error),
             )
         stretch = 1.0 + error
-        return view.x * stretch, view.y * stretch, view.z * stretch
+        # A stretch about any point is one about the origin and a shift, which is linear.
+        shift_x, shift_y = values.get("shift_x", 0.0), values.get("shift_y", 0.0)
+        return view.x * stretch + shift_x, view.y * stretch + shift_y, view.z * stretch
 
 
 @dataclass(frozen=True)

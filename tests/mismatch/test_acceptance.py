@@ -25,7 +25,7 @@ from mismatch.explain import _groups, _preferred, _Tested, _tested_answers, expl
 from mismatch.fitting.fit import Fit, free_parameters
 from mismatch.fitting.hypotheses import EXACT, FormEvidence, Hypothesis
 from mismatch.fitting.prepare import prepare
-from mismatch.fitting.stated import stated_inputs
+from mismatch.fitting.stated import stated_inputs, usual_inputs
 from mismatch.forward import ForwardModel
 from mismatch.records import BallModel, Baseline, CampaignRecords, Trial
 from mismatch.sanity import DroppedInEach
@@ -266,6 +266,32 @@ def test_an_unlikely_pair_is_tested_against_one_law_and_a_force_without_a_name()
     naming = Naming(pair, (pair, clock), 12.0, SimpleNamespace(candidates=()))
     assert other_sizes(naming, pair) == (clock,)
     assert other_kind(naming, pair) is None
+
+
+@pytest.mark.parametrize(("behind", "tested"), [(10.0, True), (54.0, False)])
+def test_a_pair_far_ahead_of_one_of_its_names_is_not_replaced_by_it(behind, tested):
+    """support_friction 0.94 alone was "explained", 54 units behind the pair with the lens."""
+    one = _answer(("support_friction",), 600.0)
+    pair = _answer(("support_friction", "lens_distortion"), 600.0)
+    pair = replace(pair, gain=pair.gain + one.penalised_gain - pair.penalised_gain + behind)
+    naming = Naming(pair, (pair, one), 12.0, SimpleNamespace(candidates=()))
+    assert other_sizes(naming, pair) == ((one,) if tested else ())
+
+
+@pytest.mark.parametrize("lead", [-20.0, 0.0, 20.0])
+def test_a_name_is_no_more_probable_than_beside_usual_errors_of_inputs(lead, monkeypatch):
+    monkeypatch.setattr("mismatch.acceptance.smooth_structure", lambda forward, best: 0.0)
+    pair = _answer(("support_friction", "lens_distortion"), 200.0)
+    members = (pair.members[0], Candidate(usual_inputs((), ()), (), 1))
+    instead = replace(pair, members=members)
+    instead = replace(instead, gain=200.0 + pair.penalised_gain + lead - instead.penalised_gain)
+    naming = Naming(pair, (pair, instead), 12.0, SimpleNamespace(candidates=()))
+    friction, lens = evidence_for_names(None, _fit([], []), naming, {}, False)
+    assert friction.log_odds_over_inputs > 10.0
+    odds = -0.5 * lead / (1.0 + FORM_ERROR * pair.penalised_gain / ODDS)
+    assert lens.log_odds_over_inputs == pytest.approx(odds)
+    sure = replace(SURE, log_odds_over_inputs=odds)
+    assert calibrated_probability(sure) <= 1.0 / (1.0 + np.exp(-odds))
 
 
 def test_a_second_name_that_predicts_nothing_leaves_the_answer_open():

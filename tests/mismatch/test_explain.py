@@ -38,6 +38,9 @@ def test_nothing_is_named_when_nothing_is_missing(clean):
     assert verdict.location is None
     assert verdict.remainder.white
     assert 0.9 < verdict.baseline_chi2_per_dof < 1.1
+    # What came nearest is listed, with the evidence that it lacks.
+    assert verdict.alternatives
+    assert all(other.delta_bic > 0.0 for other in verdict.alternatives)
 
 
 def test_the_refitted_baseline_fits_to_the_noise_and_finds_the_clocks(clean):

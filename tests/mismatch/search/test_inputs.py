@@ -8,6 +8,8 @@ import pytest
 from mismatch.explain import explain
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.stated import stated_inputs, usual_inputs
+from mismatch.records import Baseline
+from mismatch.search import inputs
 from mismatch.search.inputs import beside_usual_inputs
 from mismatch.search.naming import Naming
 from physics.effects import CATALOGUE
@@ -60,6 +62,32 @@ def _spread(prepared):
     nuisance = np.array(prepared.fit.nuisance)
     nuisance[:, 2:4] += prepared.fit.law_offsets[prepared.forward.records.ball_index]
     return nuisance
+
+
+@pytest.mark.parametrize(
+    ("alone", "beside", "opened"), [(90.0, 107.0, False), (90.0, 108.0, True), (101.0, 90.0, True)]
+)
+def test_inputs_in_place_of_a_further_name_have_to_be_surely_ahead(
+    alone, beside, opened, monkeypatch
+):
+    """A rolling shutter next to a lens was left out: usual errors were 2 of 1,713 ahead."""
+    sets = (_set_with_inputs(alone), _set_with_inputs(beside))
+    monkeypatch.setattr(inputs, "_in_place_of_names", lambda *_: sets)
+    monkeypatch.setattr(inputs, "_beside", lambda *_: _set_with_inputs(0.0))
+    monkeypatch.setattr(inputs, "group_tolerance", lambda _: 7.0)
+    forward = SimpleNamespace(mode="impact", baseline=Baseline({}))
+    best = SimpleNamespace(reduced_chi2=1.0)
+    naming = SimpleNamespace(best=best, height=lambda _: 100.0)
+    prepared = SimpleNamespace(forward=forward, fit=None)
+    monkeypatch.setattr(inputs, "replace", lambda _, **given: given)
+    found = beside_usual_inputs(prepared, naming)
+    assert (found.opened is not None) == opened
+    assert found.sets[-2:] == sets
+
+
+def _set_with_inputs(evidence):
+    members = (SimpleNamespace(effect=INPUTS),)
+    return SimpleNamespace(penalised_gain=evidence, members=members, fit=None)
 
 
 def test_what_is_open_or_named_already_is_not_opened_twice():

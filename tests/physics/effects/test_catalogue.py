@@ -186,6 +186,14 @@ def test_a_rotation_about_a_point_keeps_that_point():
     assert turn.image({"roll": roll, **shift}, VIEW)[:2] == pytest.approx((px, py))
 
 
+def test_a_stretch_about_a_point_keeps_that_point():
+    """A zoom about the middle of the picture was parallax alone, and in no group with the scale."""
+    stretch = next(e for e in CATALOGUE["length_scale"] if e.form == "about a point")
+    shift = {"shift_x": -0.1 * VIEW.x, "shift_y": -0.1 * VIEW.y}
+    seen = stretch.image({"scale_error": 0.1, **shift}, VIEW)
+    assert seen[:2] == pytest.approx((VIEW.x, VIEW.y))
+
+
 def test_a_faster_camera_has_seen_less_time():
     assert effect_named("time_base").clock({"rate_error": 0.25}, 1.0) == pytest.approx(0.8)
 
