@@ -1,7 +1,9 @@
 """`vision explain`: find missing physics, write the improved model as a setup."""
 
 import json
-from collections.abc import Callable, Mapping
+import logging
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -28,6 +30,7 @@ from pipelines.interop.tables import (
     made_elsewhere,
     parse_columns,
 )
+from pipelines.terminal import screen
 
 __all__ = ["explain_command", "improved_setup"]
 
@@ -162,17 +165,14 @@ def explain_command(
         known = with_laws(known, read_cor_file(cor_law))
     held = tuple(name.strip() for name in hold_out.split(",")) if hold_out else None
     explained: ExplainedCampaign | TableExplained
-    if inputs and ball is None:
-        explained = explain_clips(inputs, known, held, effects, trials, strikes=strikes)
-    elif ball is not None and _of_trials(ball, known.columns):
-        if pendulum is not None:
-            raise UsageError(
-                f"{ball} has one row per trial; samples of a pendulum can't be combined with it",
-                hint="Omit --pendulum.",
-            )
-        explained = explain_table_file(ball, known, held, effects)
-    else:
-        explained = explain_files_in_full(ball, pendulum, known, held, effects)
+    with _stages_shown(quiet):
+        if inputs and ball is None:
+            explained = explain_clips(inputs, known, held, effects, trials, strikes=strikes)
+        elif ball is not None and _of_trials(ball, known.columns):
+            _refuse_samples(ball, pendulum)
+            explained = explain_table_file(ball, known, held, effects)
+        else:
+            explained = explain_files_in_full(ball, pendulum, known, held, effects)
     text = json.dumps(explained.verdict.to_json(), indent=1, allow_nan=False)
     writers: list[Callable[[], None]] = []
     if json_file == "-":
@@ -194,6 +194,42 @@ def explain_command(
     if not quiet and json_file != "-":
         writers.append(partial(print, explained.verdict.text()))
     write_each(writers)
+
+
+@contextmanager
+def _stages_shown(quiet: bool) -> Iterator[None]:
+    """Show the stages of the search on stderr: as a status on a terminal, else one line each."""
+    if quiet:
+        yield
+        return
+    console, log = screen(errors=True), logging.getLogger("mismatch")
+    before = log.level
+    with console.status("Read the tables") as status:
+
+        class Shown(logging.Handler):
+            def emit(self, record: logging.LogRecord) -> None:
+                text = record.getMessage()
+                if console.is_terminal:
+                    status.update(text)
+                else:
+                    console.print(f"{text}.", soft_wrap=True)
+
+        handler = Shown()
+        log.addHandler(handler)
+        log.setLevel(logging.INFO)
+        try:
+            yield
+        finally:
+            log.removeHandler(handler)
+            log.setLevel(before)
+
+
+def _refuse_samples(ball: Path, pendulum: Path | None) -> None:
+    if pendulum is not None:
+        raise UsageError(
+            f"{ball} has one row per trial; samples of a pendulum can't be combined with it",
+            hint="Omit --pendulum.",
+        )
 
 
 def _of_trials(path: Path, columns: Mapping[str, str]) -> bool:
