@@ -103,9 +103,9 @@ _DRAG_STD = 0.12
 """Relative standard uncertainty of a ball's drag: sports balls below the drag crisis have C_D of
 0.40 to 0.60, a rectangular distribution of half-width 20 %."""
 
-_MAX_SPEED_GAP = 8.0
-"""Ratio of neighbouring impact speeds from which units are mixed (chosen: between mm and m heights
-it is 30, between speeds of one apparatus at most 4)."""
+_MAX_SPEED_GAP = 5.0
+"""Ratio of neighbouring impact speeds from which units are mixed (chosen: between heights in cm and
+m that span a factor of four it is 5, between speeds of one apparatus at most 4)."""
 
 _MIN_RELATIVE_COR = 0.2
 """Fraction of the median e below which a row's own readings differ in unit: 0.1 for cm and m."""

@@ -174,6 +174,7 @@ HEAD = "drop_height (cm);rebound_height (cm)\n"
         (HEAD + "50;30\n40;24\n30;33\n", 2, "above 1"),
         (HEAD + "50;30\n40;24\n30;0,18\n", 2, "row 3"),
         (HEAD + "50;30\n40;24\n0,45;0,27\n0,4;0,24\n45;27\n", 2, "Units seem to differ"),
+        (HEAD + "50;35\n0,5;0,35\n100;68\n1;0,68\n150;99\n200;130\n", 2, "rows 2, 4 differ"),
         (HEAD + '50;30\n"40;24\n30;18\n20;12\n10;"6\n', 2, "quotation mark"),
         (HEAD + "50;30\n40;abc\n", 2, "abc"),
         ("t_s,y_m\n0,1\n1,2\n", 2, "no columns found"),
