@@ -18,7 +18,10 @@ class Named:
 
 @dataclass(frozen=True)
 class Answer:
-    """A verdict to be scored; `failure` is the reason if there is none."""
+    """A verdict to be scored; `failure` is the reason if there is none.
+
+    `alternatives` are the ids of other answers and the evidence that each lacks.
+    """
 
     verdict: str
     named: tuple[Named, ...] = ()
@@ -33,6 +36,7 @@ class Answer:
     seconds: float = 0.0
     failure: str = ""
     contradictions: tuple[str, ...] = ()
+    alternatives: tuple[tuple[frozenset[str], float], ...] = ()
 
     @property
     def ids(self) -> frozenset[str]:
@@ -70,6 +74,10 @@ def answer_from_json(raw: Mapping[str, Any], seconds: float) -> Answer:
         seconds=seconds,
         failure=str(raw.get("failure") or ""),
         contradictions=tuple(contradictions(raw)) if "remainder" in raw else (),
+        alternatives=tuple(
+            (frozenset(other["ids"]), float(other["delta_bic"]))
+            for other in raw.get("alternatives") or ()
+        ),
     )
 
 

@@ -272,11 +272,34 @@ def _misses(scored: Sequence[Scored]) -> list[str]:
         rows.append(
             (s.name, key.kind, key.level, f"{key.delta_chi2:.0f}", truth,
              f"{_answer_words(s.judgement)} [{s.judgement.answer.phase} "
-             f"{s.judgement.answer.channel}]")
+             f"{s.judgement.answer.channel}]",
+             "–" if (lack := _lacks(s.judgement)) is None else f"{lack:.1f}")
         )  # fmt: skip
     if not rows:
         return ["None.", ""]
-    return _table(("campaign", "kind", "level", "Δχ²", "concealed", "reported"), rows)
+    return _table(("campaign", "kind", "level", "Δχ²", "concealed", "reported", "lacks"), rows)
+
+
+def _lacks(judgement: Judgement) -> float | None:
+    """Evidence that the best other answer with a concealed effect lacks, chi-square units."""
+    truth = {hidden.id for hidden in judgement.key.effects}
+    found = [lack for ids, lack in judgement.answer.alternatives if ids & truth]
+    return min(found, default=None)
+
+
+def _undecided(scored: Sequence[Scored]) -> str:
+    """Odds against the truth where a medium effect is not named, in the median."""
+    silent = [s.judgement for s in _of(scored, "single", "medium") if not s.judgement.named]
+    lacks = [lack for one in silent if (lack := _lacks(one)) is not None]
+    if not lacks:
+        return ""
+    return (
+        f"Of {len(silent)} medium effects nothing is named. In {len(lacks)} of them the truth was"
+        " tried: it lacks"
+        f" {np.median(lacks):.1f} units of evidence in the median, {max(lacks):.1f} at most (odds"
+        f" of e^{0.5 * np.median(lacks):.1f} and e^{0.5 * max(lacks):.1f}), against chance in one"
+        " campaign of a hundred or usual errors of the inputs."
+    )
 
 
 def _reliability(bins: Sequence[tuple[float, float, int]]) -> list[str]:
@@ -319,7 +342,10 @@ def proof_text(own: Sequence[Scored], asked: Asked) -> str:
         *_reliability(bins),
         "## Misses",
         "",
+        "*Lacks*: evidence (χ² units) that the truth falls short of what was reported.",
+        "",
         *_misses(own),
+        *([said, ""] if (said := _undecided(own)) else []),
         "## Intervals that do not contain the truth",
         "",
         *([f"- {line}" for line in outside] or ["None."]),

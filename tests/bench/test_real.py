@@ -7,8 +7,28 @@ import pytest
 from bench.concealed.answer import Answer, Named
 from bench.real import balldrop, juggling_mocap, rocket_coast, rod_pendulum
 from bench.real.falling import Fall, fall_of, predict
+from bench.real.named import outcome
 from measuring.setup.file import load_setup
 from tests.shared_data import shared_folder
+
+
+@pytest.mark.parametrize(
+    ("named", "groups", "truth", "said"),
+    [
+        ({"drag": 0.9}, [], ("drag",), "right"),
+        ({"wind": 0.9}, [{"wind", "drag"}], ("drag",), "right"),
+        ({"wind": 0.9}, [], ("drag",), "wrong"),
+        ({"drag": 0.9, "wind": 0.6}, [], ("drag",), "wrong"),
+        ({"drag": 0.9, "wind": 0.4}, [], ("drag",), "right"),
+        ({"drag": 0.9}, [], ("drag", "magnus"), "in part"),
+        ({"drag": 0.4}, [], ("drag",), "silent"),
+        ({}, [], (), "right"),
+    ],
+)
+def test_an_answer_to_a_recording_is_right_in_part_silent_or_wrong(named, groups, truth, said):
+    names = tuple(Named(one, chance, {}) for one, chance in named.items())
+    answer = Answer("ambiguous", names, tuple(frozenset(one) for one in groups))
+    assert outcome(answer, truth) == said
 
 
 def test_only_the_free_swing_of_the_rod_is_converted(tmp_path):
