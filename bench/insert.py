@@ -81,6 +81,8 @@ def values() -> dict[str, Callable[[], str]]:
     known["acceptance.worlds"] = lambda: _acceptance_table(worlds, ("world", "names"))
     stated = read_results("reliability.json")
     known["reliability.table"] = lambda: _acceptance_table(stated, ("probability of", "recordings"))
+    known["real.table"] = lambda: _real_table(read_results("real.json"))
+    known["real.summary"] = lambda: _real_summary(read_results("real.json"))
     known["ablation.steps"] = lambda: _steps_table(read_results("ablation.json"))
     known["ablation.table"] = lambda: _ablation_table(read_results("ablation.json"))
     return known
@@ -92,6 +94,22 @@ def _cost_table(found: Record) -> str:
         for name, one in found.items()
     ]
     return _table(("campaign", "processor time", "memory", "named (probability)"), rows)
+
+
+def _real_table(found: Record) -> str:
+    """Names with probabilities of each recording, what else is not excluded, and the outcome."""
+    rows = []
+    for name, one in found.items():
+        named = [f"{identity} {chance:.2f}" for identity, chance in one["named"].items()]
+        missing = ", ".join(one["missing"]) or "nothing"
+        rows.append((name, missing, ", ".join(named) or one["verdict"], one["outcome"]))
+    return _table(("recording", "missing", "named", "outcome"), rows)
+
+
+def _real_summary(found: Record) -> str:
+    said = [one["outcome"] for one in found.values()]
+    kinds = ("right", "in part", "silent", "wrong")
+    return f"of {len(said)} recordings " + ", ".join(f"{said.count(k)} {k}" for k in kinds)
 
 
 def _page_text(found: Record) -> str:
