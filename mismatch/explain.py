@@ -168,7 +168,7 @@ def explain_in_full(
     _require_enough(campaign)
     campaign = without_odd_trials(campaign)
     rows = sum(trial.samples for trial in campaign.trials)
-    _log.info("Fit the baseline to %d rows of %d trials", rows, len(campaign.trials))
+    _log.info("Fit the baseline: %d rows, trials: %d", rows, len(campaign.trials))
     prepared = prepare(campaign, setup_model, chosen.widths)
     refuse_nonsense(campaign, prepared)
     catalogue = [effect for forms in CATALOGUE.values() for effect in forms]
@@ -186,7 +186,8 @@ def explain_in_full(
     considered = tuple(one for answer in weighed for one in answer.evidence)
     naming = tested.naming
     verdict = _verdict(campaign, prepared, tested)
-    told = (*_open_notes(prepared, naming.best), *_form_notes(naming.best), *_aside_notes(naming))
+    forms = _form_notes(naming.best) if verdict.effects else ()
+    told = (*_open_notes(prepared, naming.best), *forms, *_aside_notes(naming))
     verdict = replace(verdict, notes=(*verdict.notes, *told))
     names = tuple(trial.name for trial in campaign.trials)
     return ExplainedCampaign(verdict, prepared, naming, names, tested.evidence, considered)
@@ -634,6 +635,7 @@ def _verdict(campaign: CampaignRecords, prepared: Prepared, tested: _Tested) -> 
         kind = "ambiguous"
         told = f"{remainder.statement} {_WHY[kind]}: {Doubt.UNLIKELY.value}."
         remainder = replace(remainder, statement=told)
+    floating = _floating_notes(forward)
     repeats = repeats_of(forward, base if best is None else best.fit)
     if kind == "no_mismatch" and repeats is not None and repeats.lacks:
         kind, remainder = "unexplained", replace(remainder, white=False)
@@ -650,16 +652,16 @@ def _verdict(campaign: CampaignRecords, prepared: Prepared, tested: _Tested) -> 
         effects,
         _alternatives(naming, passed),
         groups,
-        _next_measurement(naming, groups, kind, passed.doubts),
+        _next_measurement(naming, groups, kind, passed.doubts, floats=bool(floating)),
         kept,
         remainder,
         (
             *campaign.notes,
             *noise_notes(campaign, prepared),
             *sizes_in_words(forward),
-            *_floating_notes(forward),
+            *floating,
             *_setup_notes(forward, best, passed),
-            *_start_notes(naming),
+            *(_start_notes(naming) if effects else ()),
             *(() if repeats is None else (repeats.in_words,)),
         ),
         passed.doubts,
@@ -922,6 +924,8 @@ def _next_measurement(
     groups: tuple[tuple[str, ...], ...],
     kind: VerdictKind,
     doubts: Sequence[Doubt],
+    *,
+    floats: bool,
 ) -> str | None:
     """What would separate the answers, or remove the doubts; None where nothing is in doubt."""
     best = naming.best
@@ -934,6 +938,8 @@ def _next_measurement(
         if best is not None:
             others = (other_kind(naming, best), *other_sizes(naming, best))
             texts += _separating((best, *(one for one in others if one is not None)), None)
+    if floats and kind != "no_mismatch":
+        texts.insert(0, "the body on a balance, and its diameter")
     return "; or ".join(list(dict.fromkeys(texts))[:3]) or None
 
 

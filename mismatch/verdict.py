@@ -124,8 +124,7 @@ class NamedEffect:
     @property
     def in_words(self) -> str:
         """Name and probability."""
-        name = _WORDS.get(self.id, self.id.replace("_", " "))
-        return f"{name} (probability {100.0 * self.probability:.0f} %)"
+        return f"{_in_words(self.id)} (probability {100.0 * self.probability:.0f} %)"
 
     def to_json(self) -> dict[str, Any]:
         """As in the contract, with `each` where strengths differ."""
@@ -369,8 +368,8 @@ class EngineVerdict:
             return f"Simulation and recording disagree. Best, but in doubt: {names}{rest}."
         named = {effect.id for effect in sure}
         groups = [group for group in self.indistinguishable if group[0] in named]
-        others = _listed([one for group in groups for one in group[1:]], "or")
-        beside = f"; not excluded instead: {others.replace('_', ' ')}" if others else ""
+        others = dict.fromkeys(_in_words(one) for group in groups for one in group[1:])
+        beside = f"; not excluded instead: {_listed([*others], 'or')}" if others else ""
         beside += f"; in doubt: {doubted}" if doubted else ""
         names = _listed([effect.in_words for effect in sure])
         return f"{_subject(sure)}: {names}{beside}{rest}."
@@ -384,7 +383,7 @@ class EngineVerdict:
     def not_excluded(self) -> tuple[str, ...]:
         """What may stand in place of each name, in words."""
         return tuple(
-            f"Not excluded in place of {group[0]}: {', '.join(group[1:])}"
+            f"Not excluded in place of {group[0]}: {', '.join(_in_words(one) for one in group[1:])}"
             for group in self.indistinguishable
         )
 
@@ -421,6 +420,10 @@ _WORDS: Mapping[str, str] = {
     "velocity_dependent_cor": "restitution that depends on speed",
 }
 """Names in a headline; other ids are read without their underscores."""
+
+
+def _in_words(identity: str) -> str:
+    return _WORDS.get(identity, identity.replace("_", " "))
 
 
 def _listed(words: Sequence[str], last: str = "and") -> str:

@@ -208,6 +208,7 @@ def test_a_body_lighter_than_the_air_it_displaces_is_told_and_no_buoyancy_is_nam
     verdict = explain(*_falling(0.0009))
     assert any("displaces 2.3 times its own mass" in note for note in verdict.notes)
     assert "buoyancy" not in [effect.id for effect in verdict.effects]
+    assert str(verdict.next_measurement).startswith("the body on a balance")
     assert not any("displaces" in note for note in explain(*_falling(0.05)).notes)
 
 

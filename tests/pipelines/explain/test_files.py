@@ -64,9 +64,8 @@ def test_command_writes_json_plot_report_and_model(thrown, tmp_path):
     again = read_setup((tmp_path / "m.toml").read_text())
     assert "gravity" in again.model.effects
     stages = result.stderr.splitlines()
-    assert (
-        stages[0] == f"Fit the baseline to {ball.read_text().count(chr(10)) - 1} rows of 4 trials."
-    )
+    rows = len(ball.read_text().splitlines()) - 1
+    assert stages[0] == f"Fit the baseline: {rows} rows, trials: 4."
     assert stages[-1] == "Test what was found on data kept aside."
 
 

@@ -144,6 +144,8 @@ def test_the_headline_names_what_was_found_and_what_is_left():
     group = verdict("ambiguous", indistinguishable=(("drag", "wind"),))
     assert group.headline.endswith("; not excluded instead: wind.")
     assert "Not excluded in place of drag: wind." in group.text()
+    nameless = verdict("ambiguous", indistinguishable=(("drag", "unnamed"),))
+    assert nameless.headline.endswith("; not excluded instead: a force that is in no catalogue.")
     assert "in doubt" in verdict("ambiguous").headline
     clock = replace(NAMED, id="time_base", probability=0.97)
     assert verdict(effects=(clock,)).headline == (
