@@ -45,7 +45,7 @@ from mismatch.fitting.stated import USUAL_INPUTS
 from mismatch.fitting.wandering import wandering_errors
 from mismatch.forward import OUTSIDE, Forward
 from mismatch.records import SIGNIFICANT, Baseline, CampaignRecords
-from mismatch.repeats import repeats_of
+from mismatch.repeats import IN_ANOTHER_ORDER, repeats_of
 from mismatch.sanity import DroppedInEach, refuse_nonsense, without_odd_trials
 from mismatch.search.inputs import beside_usual_inputs
 from mismatch.search.locate import (
@@ -637,7 +637,8 @@ def _verdict(campaign: CampaignRecords, prepared: Prepared, tested: _Tested) -> 
         remainder = replace(remainder, statement=told)
     floating = _floating_notes(forward)
     repeats = repeats_of(forward, base if best is None else best.fit)
-    if kind == "no_mismatch" and repeats is not None and repeats.lacks:
+    lacks = repeats is not None and repeats.lacks
+    if kind == "no_mismatch" and lacks:
         kind, remainder = "unexplained", replace(remainder, white=False)
     if kind == "unexplained" and (location is None or not passed.names):
         # a ruler or clock that nobody believes in takes up what it can, in whichever direction
@@ -652,7 +653,8 @@ def _verdict(campaign: CampaignRecords, prepared: Prepared, tested: _Tested) -> 
         effects,
         _alternatives(naming, passed),
         groups,
-        _next_measurement(naming, groups, kind, passed.doubts, floats=bool(floating)),
+        _next_measurement(naming, groups, kind, passed.doubts, floats=bool(floating))
+        or (IN_ANOTHER_ORDER if lacks else None),
         kept,
         remainder,
         (

@@ -15,7 +15,13 @@ from mismatch.forward import NUISANCES, Forward
 from mismatch.records import settings_of
 from physics.domain import FloatArray
 
-__all__ = ["MIN_P_VALUE", "RepeatsTest", "lack_of_fit", "repeats_of"]
+__all__ = ["IN_ANOTHER_ORDER", "MIN_P_VALUE", "RepeatsTest", "lack_of_fit", "repeats_of"]
+
+IN_ANOTHER_ORDER = (
+    "the same settings in another order, or on another day: does what they differ by stay with the"
+    " setting, or with the session"
+)
+"""What to measure where settings differ and no law says by what."""
 
 PERMUTATIONS = 1999
 """Permutations of the trials; p-values have steps of 1/2000."""

@@ -19,7 +19,7 @@ from mismatch.fitting.prepare import baseline_model
 from mismatch.fitting.settings import MAX_SETTINGS, MIN_SETTINGS
 from mismatch.forward import BatchTerm, Forward, ForwardModel, batch_terms
 from mismatch.records import Baseline, Records, Scatter, settings_of
-from mismatch.repeats import RepeatsTest, lack_of_fit
+from mismatch.repeats import IN_ANOTHER_ORDER, RepeatsTest, lack_of_fit
 from mismatch.sanity import FARTHEST
 from mismatch.verdict import (
     DOUBTED,
@@ -1535,6 +1535,8 @@ def _verdict(
         if _contradicted(forward.table, best):
             kind = "unexplained"
     left_out = None if best is None else _held(forward.table, hold_out)
+    repeats = table_repeats(forward.table, best or null)
+    again = IN_ANOTHER_ORDER if repeats is not None and repeats.lacks else None
     return EngineVerdict(
         kind,
         ("gravity", *model.ids),
@@ -1543,7 +1545,7 @@ def _verdict(
         named_effects(found, best, DOUBTED if kind == "unexplained" else 0.999),
         alternatives(found, best, rivals),
         groups,
-        next_measurement(forward.table, best, rivals, groups),
+        next_measurement(forward.table, best, rivals, groups) or again,
         None if best is None else table_held_out(forward, found.laws, null, best, left_out),
         remainder,
         (*forward.table.notes, *table_notes(forward, model)),

@@ -90,9 +90,13 @@ def _panel(
         mine = np.flatnonzero(records.ball_index == index)
         mine = mine[np.argsort(speed[mine])]
         axis.errorbar(
-            speed[mine], residual[mine], std[mine], fmt=f"{MARKERS[index % len(MARKERS)]}-",
+            speed[mine], residual[mine], std[mine], fmt=MARKERS[index % len(MARKERS)],
             ms=5, lw=0.8, color=colour, label=f"{name}{f' ({ball})' if ball else ''}",
         )  # fmt: skip
+        # Repeats of a speed differ by chance: the line joins their means.
+        at, place = np.unique(np.round(speed[mine], 6), return_inverse=True)
+        mean = np.bincount(place, residual[mine]) / np.bincount(place)
+        axis.plot(at, mean, "-", lw=0.8, color=colour)
 
 
 FORCE_LABELS = {
@@ -689,7 +693,9 @@ FORCES = (
 
 MEANS = "Mean residual in units of the noise, against time."
 
-TABLE = "Recorded − model for each result, against impact speed."
+TABLE = (
+    "Recorded − model for each result, against impact speed; lines join the means at each speed."
+)
 
 CELL = """<div style="max-width:60rem"><p><b>{{ headline }}</b></p>
 {% for line in lines %}<p>{{ line }}</p>{% endfor %}</div>"""
