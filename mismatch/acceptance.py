@@ -166,13 +166,14 @@ def _calibration() -> Mapping[str, Any]:
 def calibrated_probability(evidence: NameEvidence) -> float:
     """Probability that a name is right, by the fitted logistic model.
 
-    No more than its share against usual errors of the inputs, whose prior odds are fitted to
-    careful laboratories.
+    Where usual errors of the inputs are ahead, no more than its share against them: their prior
+    odds are fitted to careful laboratories.
     """
     fitted = _calibration()
     weights = np.array([fitted["weights"][name]["value"] for name in FEATURES])
     score = fitted["intercept"]["value"] + float(weights @ features_of(evidence))
-    score = min(score, evidence.log_odds_over_inputs)
+    if evidence.log_odds_over_inputs < 0.0:
+        score = min(score, evidence.log_odds_over_inputs)
     return 1.0 / (1.0 + math.exp(-max(min(score, 30.0), -30.0)))
 
 

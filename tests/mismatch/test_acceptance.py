@@ -279,8 +279,8 @@ def test_a_pair_far_ahead_of_one_of_its_names_is_not_replaced_by_it(behind, test
     assert other_sizes(naming, pair) == ((one,) if tested else ())
 
 
-@pytest.mark.parametrize("lead", [-20.0, 0.0, 20.0])
-def test_a_name_is_no_more_probable_than_beside_usual_errors_of_inputs(lead, monkeypatch):
+@pytest.mark.parametrize("lead", [-20.0, 1.0, 20.0])
+def test_a_name_has_no_more_than_its_share_where_usual_errors_are_ahead(lead, monkeypatch):
     monkeypatch.setattr("mismatch.acceptance.smooth_structure", lambda forward, best: 0.0)
     pair = _answer(("support_friction", "lens_distortion"), 200.0)
     members = (pair.members[0], Candidate(usual_inputs((), ()), (), 1))
@@ -291,8 +291,9 @@ def test_a_name_is_no_more_probable_than_beside_usual_errors_of_inputs(lead, mon
     assert friction.log_odds_over_inputs > 10.0
     odds = -0.5 * lead / (1.0 + FORM_ERROR * pair.penalised_gain / ODDS)
     assert lens.log_odds_over_inputs == pytest.approx(odds)
-    sure = replace(SURE, log_odds_over_inputs=odds)
-    assert calibrated_probability(sure) <= 1.0 / (1.0 + np.exp(-odds))
+    found = calibrated_probability(replace(SURE, log_odds_over_inputs=odds))
+    share = 1.0 / (1.0 + np.exp(-odds))
+    assert found == pytest.approx(share if lead > 0.0 else calibrated_probability(SURE))
 
 
 def test_a_second_name_that_predicts_nothing_leaves_the_answer_open():
