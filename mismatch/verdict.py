@@ -95,6 +95,19 @@ class StrengthsOfEach:
     scatter: Mapping[str, float]
     values: Mapping[str, tuple[ParameterValue, ...]]
 
+    @property
+    def in_words(self) -> str:
+        """By how much strengths differ, and each of them where they are few."""
+        scatter = ", ".join(f"{name} by {size:.3g}" for name, size in self.scatter.items())
+        text = f"It differs from {self.level} to {self.level} ({scatter})"
+        if len(self.values) > MAX_LISTED:
+            return text + "."
+        own = (
+            f"{name}: " + ", ".join(f"{p.value:.3g} ± {p.std:.1g}" for p in parameters)
+            for name, parameters in self.values.items()
+        )
+        return f"{text}: {'; '.join(own)}."
+
     def to_json(self) -> dict[str, Any]:
         """Level, scatter, and value and std of every parameter for each."""
         return {
@@ -124,7 +137,13 @@ class NamedEffect:
     @property
     def in_words(self) -> str:
         """Name and probability."""
-        return f"{_in_words(self.id)} (probability {100.0 * self.probability:.0f} %)"
+        size = f"{100.0 * self.probability:.0f} %"
+        return f"{_in_words(self.id)} (probability {'over 99 %' if size == '100 %' else size})"
+
+    @property
+    def probability_in_words(self) -> str:
+        """With two digits; no name is certain."""
+        return "over 0.99" if self.probability >= 0.995 else f"{self.probability:.2f}"
 
     def to_json(self) -> dict[str, Any]:
         """As in the contract, with `each` where strengths differ."""
@@ -395,10 +414,11 @@ class EngineVerdict:
         for effect in self.effects:
             numbers = ", ".join(p.in_words for p in effect.parameters)
             lines.append(
-                f"{effect.id} (probability {effect.probability:.2f}): {effect.statement} {numbers}"
+                f"{effect.id} (probability {effect.probability_in_words}): {effect.statement}"
+                f" {numbers}"
             )
             if effect.each is not None:
-                lines.append(_each_in_words(effect.each))
+                lines.append(effect.each.in_words)
         lines.extend(f"{said}." for said in self.not_excluded)
         if self.next_measurement:
             lines.append(f"What would settle it: {self.next_measurement}.")
@@ -448,18 +468,6 @@ fit be a description; assumed: laws that hold take as much."""
 PROVED = 6.0
 
 """Chi-square units by which held-out trials must fit better: odds of twenty to one."""
-
-
-def _each_in_words(each: StrengthsOfEach) -> str:
-    scatter = ", ".join(f"{name} by {size:.3g}" for name, size in each.scatter.items())
-    text = f"It differs from {each.level} to {each.level} ({scatter})"
-    if len(each.values) > MAX_LISTED:
-        return text + "."
-    own = (
-        f"{name}: " + ", ".join(f"{p.value:.3g} ± {p.std:.1g}" for p in parameters)
-        for name, parameters in each.values.items()
-    )
-    return f"{text}: {'; '.join(own)}."
 
 
 NO_GAIN = 1.0

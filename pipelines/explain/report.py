@@ -631,12 +631,12 @@ def _values(fit: Fit, effect: Effect) -> Values:
 
 def _directions(force: Vector, flight: FlightState) -> dict[str, FloatArray]:
     """A force by direction, N."""
-    fx, fy = np.asarray(force[0]), np.asarray(force[1])
+    fx, fy, fz = (np.asarray(part) for part in force)
     speed = np.maximum(flight.speed, 1e-9)
     return {
         "horizontal": fx,
         "vertical": fy,
-        "along_velocity": (fx * flight.vx + fy * flight.vy) / speed,
+        "along_velocity": (fx * flight.vx + fy * flight.vy + fz * flight.vz) / speed,
         "normal_to_velocity": (fy * flight.vx - fx * flight.vy) / speed,
     }
 

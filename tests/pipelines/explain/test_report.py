@@ -18,9 +18,16 @@ from mismatch.verdict import (
     NamedEffect,
     ParameterValue,
     Remainder,
+    StrengthsOfEach,
 )
-from physics.effects import CATALOGUE
-from pipelines.explain.report import _typeset, draw_explained, explain_report_html, paths_figure
+from physics.effects import CATALOGUE, FlightState
+from pipelines.explain.report import (
+    _directions,
+    _typeset,
+    draw_explained,
+    explain_report_html,
+    paths_figure,
+)
 from tests.mismatch.synthetic import thrown_campaign
 
 LAWS = [
@@ -93,6 +100,28 @@ def test_a_name_beside_rivals_is_never_sure(heavier):
 def test_the_story_does_not_contradict_itself(heavier):
     assert contradictions(heavier.verdict.to_json()) == []
     assert json.dumps(heavier.verdict.to_json(), allow_nan=False)
+
+
+def test_drag_is_drawn_along_the_path_where_flights_cross():
+    """A rally of flights both ways had the mean of forces forward and backward: a zigzag."""
+    rng = np.random.default_rng(3)
+    speed = rng.uniform(-1.0, 1.0, (3, 40)) * np.array([[9.0], [1.0], [3.0]])
+    nothing, drag = np.zeros(40), CATALOGUE["drag"][0]
+    flight = FlightState(*[nothing] * 4, *speed, 0.0027, 0.04, 1.2, 1.8e-5, 9.8)
+    parts = _directions(drag.force({"drag_coefficient": 0.5}, flight), flight)
+    assert max(parts, key=lambda way: float(np.abs(parts[way]).sum())) == "along_velocity"
+    assert np.all(parts["along_velocity"] < 0.0)
+
+
+def test_no_name_is_certain_and_strengths_of_each_trial_are_on_the_page(heavier):
+    sure = replace(NAMED, probability=0.9996)
+    assert "probability over 99 %" in verdict(effects=(sure,)).headline
+    assert "(probability over 0.99)" in verdict(effects=(sure,)).text()
+    spin = ParameterValue("spin", 90.0, 4.0, "rad/s")
+    each = StrengthsOfEach("trial", {"spin": 113.0}, {"r001": (spin,)})
+    told = replace(heavier.verdict, effects=(replace(sure, each=each),))
+    page = explain_report_html(replace(heavier, verdict=told))
+    assert "differs from trial to trial (spin by 113): r001: 90 ± 4." in page
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda effect: f"{effect.id} {effect.form}".strip())
