@@ -16,7 +16,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache, cached_property, update_wrapper
 from itertools import chain, islice
 from threading import RLock
@@ -71,6 +71,23 @@ def _compiler() -> Any:
     return numba
 
 
+def _cache_of(function: Callable[..., object]) -> Any:
+    """Numba's cache of a function, without what only compiling needs.
+
+    Its own loads the rules of every type first, which takes longer than all loops of a clip.
+    """
+    from numba.core.caching import FunctionCache
+    from numba.core.runtime.nrt import rtsys
+
+    class Cached(FunctionCache):
+        def load_overload(self, signature: Any, context: Any) -> Any:
+            rtsys.initialize(context)
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(signature, context)  # type: ignore[no-untyped-call]
+
+    return Cached(function)  # type: ignore[no-untyped-call]
+
+
 class _Compiled:
     """Proxy of a function until it is called, or used by another compiled one."""
 
@@ -81,12 +98,11 @@ class _Compiled:
 
     @cached_property
     def _made(self) -> Any:
-        numba = _compiler()
-        options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
-        try:
-            return numba.njit(cache=True, **options)(self._function)
-        except RuntimeError:  # no writable cache folder
-            return numba.njit(**options)(self._function)
+        made = _compiler().njit(nogil=True, error_model="numpy")(self._function)
+        # no writable cache folder
+        with suppress(RuntimeError):
+            made._cache = _cache_of(self._function)
+        return made
 
     @cached_property
     def _part(self) -> Any:
