@@ -18,6 +18,7 @@ from typing import Self, TypeVar
 import cv2
 import numpy as np
 import scipy
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
 from metrology import CalibrationError
@@ -124,7 +125,9 @@ def flattened(image: FloatArray, scale: float) -> FloatArray:
     return np.asarray(np.clip(contrast, -limit, limit), dtype=np.float64)
 
 
-def smoothed(image: NDArray[Real], sigma: float) -> NDArray[Real]:
+def smoothed(
+    image: NDArray[Real], sigma: float, at: tuple[slice, slice] | None = None
+) -> NDArray[Real]:
     """Gaussian average of a picture (H, W), computed at reduced size if wide.
 
     Parameters
@@ -132,17 +135,40 @@ def smoothed(image: NDArray[Real], sigma: float) -> NDArray[Real]:
     image : (H, W) array
     sigma : float
         Standard deviation, px.
+    at : tuple of slice, optional
+        Rows and columns of the pixels at which it is needed, if not everywhere.
     """
     factor = int(sigma / REDUCED_BLUR_PX)
     height, width = image.shape
     if factor < 2 or min(height, width) < 4 * factor:
+        if at is not None:
+            return _averaged(_averaged(image, sigma, at[0]).T, sigma, at[1]).T
         return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma))
     size = (width // factor, height // factor)
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     # The means over factor × factor pixels contribute to the average.
     left = np.sqrt(sigma**2 - (factor**2 - 1.0) / 12.0) / factor
-    small = cv2.GaussianBlur(small, (0, 0), left)
-    return np.asarray(cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR))
+    even: NDArray[Real] = np.asarray(cv2.GaussianBlur(small, (0, 0), left), dtype=image.dtype)
+    if at is not None:
+        return _enlarged(_enlarged(even, height, at[0]).T, width, at[1]).T
+    return np.asarray(cv2.resize(even, (width, height), interpolation=cv2.INTER_LINEAR))
+
+
+def _averaged(image: NDArray[Real], sigma: float, rows: slice) -> NDArray[Real]:
+    """Some rows of the Gaussian average over rows."""
+    kernel = cv2.getGaussianKernel(round(8.0 * sigma + 1.0) | 1, sigma, cv2.CV_32F)[:, 0]
+    reach = len(kernel) // 2
+    padded = cv2.copyMakeBorder(image, reach, reach, 0, 0, cv2.BORDER_REFLECT_101)
+    return np.asarray(sliding_window_view(padded, len(kernel), axis=0)[rows] @ kernel)
+
+
+def _enlarged(small: NDArray[Real], height: int, rows: slice) -> NDArray[Real]:
+    """Some rows of a picture enlarged to a height, by linear interpolation."""
+    wanted = np.arange(*rows.indices(height), dtype=small.dtype)
+    place = np.clip((wanted + 0.5) * (len(small) / height) - 0.5, 0.0, len(small) - 1.0)
+    above = np.minimum(place.astype(np.int64), len(small) - 2)
+    part = (place - above).astype(small.dtype)[:, np.newaxis]
+    return np.asarray(small[above] * (1.0 - part) + small[above + 1] * part)
 
 
 MAX_WINDOW_SEEDS = 8
@@ -368,27 +394,22 @@ fraction of windows one standard deviation apart (derived: from the window's eff
 
 
 @compiled
-def _grid_coordinates(
-    x: float, y: float, centre: FloatArray, scale: FloatArray, p: FloatArray
-) -> tuple[float, float]:
-    """Grid coordinates of a pixel (see `GridMap`); NaN behind the camera."""
-    x, y = (x - centre[0]) / scale[0], (y - centre[1]) / scale[1]
-    r2 = x * x + y * y
-    bent = 1.0 + r2 * (p[8] + r2 * p[9])
-    x, y = x * bent, y * bent
-    depth = 1.0 + p[6] * x + p[7] * y
-    if not depth > _MIN_RELATIVE_DEPTH:
-        return np.nan, np.nan
-    return (p[0] * x + p[1] * y + p[2]) / depth, (p[3] * x + p[4] * y + p[5]) / depth
-
-
-@compiled
 def _mapped(
     px: FloatArray, centre: FloatArray, scale: FloatArray, p: FloatArray, grid: FloatArray
 ) -> None:
-    """Write the grid coordinates of pixels (N, 2)."""
+    """Write the grid coordinates of pixels (N, 2), see `GridMap`; NaN behind the camera."""
+    # single numbers, since the compiler reads an array anew at every pixel
+    xx, xy, x1, yx, yy, y1 = p[0], p[1], p[2], p[3], p[4], p[5]
+    zx, zy, second, fourth = p[6], p[7], p[8], p[9]
+    left, top, wide, high = centre[0], centre[1], scale[0], scale[1]
     for k in range(len(px)):
-        grid[k, 0], grid[k, 1] = _grid_coordinates(px[k, 0], px[k, 1], centre, scale, p)
+        x, y = (px[k, 0] - left) / wide, (px[k, 1] - top) / high
+        r2 = x * x + y * y
+        bent = 1.0 + r2 * (second + r2 * fourth)
+        x, y = x * bent, y * bent
+        depth = 1.0 + zx * x + zy * y
+        per = 1.0 / depth if depth > _MIN_RELATIVE_DEPTH else np.nan
+        grid[k, 0], grid[k, 1] = (xx * x + xy * y + x1) * per, (yx * x + yy * y + y1) * per
 
 
 @compiled
@@ -396,9 +417,13 @@ def _write_phases(
     left: int, top: int, centre: FloatArray, scale: FloatArray, p: FloatArray, turns: FloatImage
 ) -> None:
     """Write the phases (2, h, w) of both waves, -π to π; 0 where there is none."""
+    px, grid = np.empty((turns.shape[2], 2)), np.empty((turns.shape[2], 2))
+    px[:, 0] = left + np.arange(len(px))
     for row in range(turns.shape[1]):
-        for column in range(turns.shape[2]):
-            u, v = _grid_coordinates(float(left + column), float(top + row), centre, scale, p)
+        px[:, 1] = top + row
+        _mapped(px, centre, scale, p, grid)
+        for column in range(len(px)):
+            u, v = grid[column, 0], grid[column, 1]
             turns[0, row, column] = 2.0 * np.pi * (u - np.rint(u)) if u == u else 0.0
             turns[1, row, column] = 2.0 * np.pi * (v - np.rint(v)) if v == v else 0.0
 
@@ -538,25 +563,18 @@ class _Contrast:
         single = flat.astype(np.float32)
         return cls(single, np.maximum(smoothed(single * single, sigma), np.float32(1e-12)), sigma)
 
-    def around(self, points: BoolArray) -> tuple[slice, slice]:
-        """Rows and columns that contribute to the averages at some points (H, W)."""
-        reach = int(np.ceil(_AVERAGE_HALF_WIDTH * self.sigma))
-        return _between(np.any(points, axis=1), reach), _between(np.any(points, axis=0), reach)
-
     def cut(self, part: tuple[slice, slice]) -> "_Contrast":
         """A part of the picture."""
         return replace(self, flat=self.flat[part], energy=self.energy[part])
 
-    def demodulated(self, turns: FloatImage, at: BoolArray | None = None) -> MapSupport:
-        """Compare with a map's waves, whose phases are (2, H, W); `at` some pixels (H, W) only."""
+    def demodulated(self, turns: FloatImage, at: tuple[slice, slice] | None = None) -> MapSupport:
+        """Compare with a map's waves, whose phases are (2, H, W); `at` some pixels only."""
         independent = np.float32(4.0 * np.pi * self.sigma**2)
         energy = self.energy if at is None else self.energy[at]
         angles, coherences, shares = [], [], []
         for turn in turns:
-            real = smoothed(self.flat * np.cos(turn), self.sigma)
-            imaginary = smoothed(self.flat * np.sin(turn), self.sigma)
-            if at is not None:
-                real, imaginary = real[at], imaginary[at]
+            real = smoothed(self.flat * np.cos(turn), self.sigma, at)
+            imaginary = smoothed(self.flat * np.sin(turn), self.sigma, at)
             share = (real**2 + imaginary**2) / energy
             angles.append(np.arctan2(-imaginary, real) / np.float32(2.0 * np.pi))
             coherences.append(share * independent)
@@ -567,12 +585,23 @@ class _Contrast:
         return MapSupport(phase, coherence, share)
 
 
-def _between(there: BoolArray, reach: int) -> slice:
-    """From the first to the last true element, extended by `reach`."""
+def _between(there: BoolArray, stride: int, reach: int) -> tuple[slice, slice, slice]:
+    """From the first to the last true one of pixels `stride` apart.
+
+    Returns
+    -------
+    part : slice
+        All pixels that contribute to averages at these, up to `reach` away.
+    at : slice
+        The pixels within that part.
+    own : slice
+        Their places among all that are `stride` apart.
+    """
     places = np.flatnonzero(there)
-    if len(places) == 0:
-        return slice(None)
-    return slice(max(int(places[0]) - reach, 0), int(places[-1]) + reach + 1)
+    own = slice(int(places[0]), int(places[-1]) + 1)
+    first, last = (stride // 2 + stride * int(place) for place in places[[0, -1]])
+    part = slice(max(first - reach, 0), last + reach + 1)
+    return part, slice(first - part.start, last - part.start + 1, stride), own
 
 
 def grow(image: FloatArray, seed: Seed) -> tuple[GridMap, MapSupport]:
@@ -607,29 +636,32 @@ def grow(image: FloatArray, seed: Seed) -> tuple[GridMap, MapSupport]:
     longest = float(1.0 / np.linalg.norm(seed.waves, axis=1).min())
     sigma = AVERAGE_STD_PERIODS * longest
     flat = flattened(image, 1.5 * longest)
-    pixels = pixel_grid(image.shape)
     current = _affine(seed, (image.shape[1], image.shape[0]))
-    place = np.zeros(image.shape, dtype=bool)
     stride = max(1, int(sigma))
-    place[stride // 2 :: stride, stride // 2 :: stride] = True
+    place = (slice(stride // 2, None, stride),) * 2
+    pixels = pixel_grid(image.shape)[place]
     distance = np.linalg.norm(pixels - seed.centre, axis=-1)
+    last = np.array(image.shape[::-1]) - 1.0
+    farthest = np.linalg.norm(np.maximum(seed.centre, last - seed.centre))
     reach = max(0.5 * seed.window, 3.0 * longest)
-    contrast = _Contrast.of(flat, sigma)
+    contrast, margin = _Contrast.of(flat, sigma), int(np.ceil(_AVERAGE_HALF_WIDTH * sigma))
     while True:
-        near = place & (distance < reach)
-        part = contrast.around(near)
-        there, here = contrast.cut(part), near[part]
+        near = distance < reach
+        rows, columns = (_between(near.any(axis=axis), stride, margin) for axis in (1, 0))
+        part, at, own = zip(rows, columns, strict=True)
+        there, here = contrast.cut(part), near[own]
         for _ in range(2):
-            seen = there.demodulated(current.turns(image.shape, part), here)
-            current = _fitted(current, pixels[near], seen.phase, seen.coherence)
-        if reach > distance.max():
+            seen = there.demodulated(current.turns(image.shape, part), at)
+            current = _fitted(current, pixels[near], seen.phase[:, here], seen.coherence[:, here])
+        if reach > farthest:
             break
         reach *= REGION_GROWTH
     support = contrast.demodulated(current.turns(image.shape))
     label = _parts(support.area)
     if label.max() < 2:
         return current, support
-    current, surely = _renumbered(current, _Samples.of(support, pixels, place), label[place])
+    samples = _Samples.of(support, pixels, place)
+    current, surely = _renumbered(current, samples, label[place].ravel())
     support = contrast.demodulated(current.turns(image.shape))
     return current, replace(support, counted=np.isin(label, [0, *surely]))
 
@@ -666,10 +698,12 @@ class _Samples:
     weight: FloatArray
 
     @classmethod
-    def of(cls, support: MapSupport, pixels: FloatArray, place: BoolArray) -> Self:
-        """From a map's support at some pixels (H, W)."""
-        phase, coherence = support.phase[:, place], support.coherence[:, place]
-        return cls(pixels[place], phase.T, _phase_weights(phase, coherence).T)
+    def of(cls, support: MapSupport, pixels: FloatArray, place: tuple[slice, slice]) -> Self:
+        """From a map's support at some pixels (h, w, 2)."""
+        phase, coherence = (
+            one[(slice(None), *place)].reshape(2, -1) for one in (support.phase, support.coherence)
+        )
+        return cls(pixels.reshape(-1, 2), phase.T, _phase_weights(phase, coherence).T)
 
     def at(self, rows: BoolArray) -> Self:
         """Some of the pixels (N,)."""
@@ -783,6 +817,8 @@ def _add_normal_equations(
             row[8], row[9] = along * r2 / depth, along * r2 * r2 / depth
             for i in range(10):
                 part = weight[k, family] * row[i]
+                if part == 0.0:
+                    continue
                 right[i] += part * shift[k, family]
                 for j in range(10):
                     normal[i, j] += part * row[j]
