@@ -10,7 +10,7 @@ Also here: the position of the face of the mass, and the contact of two balls or
 import json
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from enum import Enum, auto
 from functools import cache, lru_cache
 from importlib import resources
@@ -65,6 +65,7 @@ __all__ = [
 ]
 
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 
 _PULSE_SAMPLES = 201
@@ -129,7 +130,7 @@ def contact_pulse(exponent: float, cor: float) -> ContactPulse:
 def _solved(step: int, cor: float) -> ContactPulse:
     """Pulse from the first integral of the law: δⁿ⁺¹ / (n + 1) = ∫ u / (1 + d u) du from v to 1."""
     power = 2.0 + step * _EXPONENT_STEP
-    damping = float(damping_for_cor(cor))
+    damping = _damping(cor)
     # substituted speeds: they fall as x^power at both ends, so that compression grows as x there
     ends = np.linspace(0.0, 1.0, _PULSE_STEPS + 1)
     middles = 0.5 * (ends[1:] + ends[:-1])
@@ -146,6 +147,12 @@ def _solved(step: int, cor: float) -> ContactPulse:
         np.interp(phase, time / time[-1], compression) / time[-1],
         np.concatenate([[0.0], travel]) / speed[-1],
     )
+
+
+@lru_cache(maxsize=128)
+def _damping(cor: float) -> float:
+    """Damping for one coefficient of restitution, of any exponent."""
+    return float(damping_for_cor(cor))
 
 
 def _eased(x: FloatArray, power: float, cor: float) -> tuple[FloatArray, FloatArray]:
@@ -412,46 +419,54 @@ def fit_contact(view: ImpactView, around_s: float, *, check_bound: bool = True) 
 class _Contacts:
     """Contacts to try, on an even grid of onset and release (N,), s.
 
-    They imply the offset of the face at both (N, 2), m. Neighbours are `step_s` apart, by which the
-    face moves by `resolution` (2,), m.
+    They imply the motion at both ends, and the offset of the face there (N, 2), m. Neighbours are
+    `step_s` apart, by which the face moves by `resolution` (2,), m.
     """
 
     onset_s: FloatArray
     release_s: FloatArray
+    ends: "_Ends"
     face: FloatArray
     log_speeds: FloatArray
     step_s: tuple[float, float]
     resolution: FloatArray
 
     @classmethod
-    def of(
-        cls, view: ImpactView, onset: FloatArray, release: FloatArray, step_s: tuple[float, float]
-    ) -> "_Contacts":
-        """Those at whose onset the gap closes, and at whose release it opens."""
-        face, speeds = np.empty((2, 2, len(onset)))
-        for side, (gap, time) in enumerate(((gap_before, onset), (gap_after, release))):
-            face[side] = gap(view, time)
-            speeds[side] = (gap(view, time + _TICK_S) - face[side]) / _TICK_S
+    def of(cls, view: ImpactView, sides: list[FloatArray]) -> "_Contacts":
+        """Those whose impulse can have moved the ball from rest to its flight.
+
+        At their onset the gap closes, at their release it opens. Both are taken from even `sides`.
+        """
+        pairs = np.nonzero(sides[1] - sides[0][:, np.newaxis] >= _MIN_CONTACT_S)
+        ends = _Ends.of(view, sides, pairs)
+        possible = (ends.implied_cor > -0.5) & (ends.implied_cor < 1.5)
+        ends, pairs = ends.at(possible), (pairs[0][possible], pairs[1][possible])
+        face, speeds = np.empty((2, 2, len(pairs[0])))
+        for side, gap in enumerate((gap_before, gap_after)):
+            there = gap(view, sides[side])
+            face[side] = there[pairs[side]]
+            speeds[side] = ((gap(view, sides[side] + _TICK_S) - there) / _TICK_S)[pairs[side]]
         meet = (speeds[0] < 0.0) & (speeds[1] > 0.0)
-        usual = np.abs(np.median(speeds, axis=1)) if len(onset) else np.zeros(2)
+        usual = np.abs(np.median(speeds, axis=1)) if len(meet) else np.zeros(2)
         weight = np.log(np.abs(np.where(meet, speeds, 1.0))).sum(axis=0)
-        return cls(onset, release, face.T, weight, step_s, usual * np.array(step_s)).at(meet)
+        onset, release = (side[pair] for side, pair in zip(sides, pairs, strict=True))
+        step_s = (float(sides[0][1] - sides[0][0]), float(sides[1][1] - sides[1][0]))
+        resolution = usual * np.array(step_s)
+        return cls(onset, release, ends, face.T, weight, step_s, resolution).at(meet)
 
     def at(self, chosen: BoolArray) -> "_Contacts":
         return replace(
             self,
             onset_s=self.onset_s[chosen],
             release_s=self.release_s[chosen],
+            ends=self.ends.at(chosen),
             face=self.face[chosen],
             log_speeds=self.log_speeds[chosen],
         )
 
 
 def _every_contact(view: ImpactView, around_s: float, within: _Contacts | None = None) -> _Contacts:
-    """Contacts whose impulse can have moved the ball from rest to its flight, on an even grid.
-
-    `within` narrows the grid to the times of its contacts.
-    """
+    """Contacts on an even grid; `within` narrows it to the times of its contacts."""
     half_frame_s = 0.5 * float(np.median(np.diff(view.flight.time_s)))
     if within is None or len(within.onset_s) == 0:
         times = np.arange(-_SEARCH_S, _SEARCH_S, half_frame_s) + around_s
@@ -459,13 +474,7 @@ def _every_contact(view: ImpactView, around_s: float, within: _Contacts | None =
     else:
         near = zip((within.onset_s, within.release_s), within.step_s, strict=True)
         sides = [np.linspace(at.min() - step, at.max() + step, _FINE_TIMES) for at, step in near]
-    onset, release = (side.ravel() for side in np.meshgrid(*sides, indexing="ij"))
-    lasts = release - onset >= _MIN_CONTACT_S
-    onset, release = onset[lasts], release[lasts]
-    cor = _Ends.of(view, onset, release).implied_cor
-    possible = (cor > -0.5) & (cor < 1.5)
-    step_s = (float(sides[0][1] - sides[0][0]), float(sides[1][1] - sides[1][0]))
-    return _Contacts.of(view, onset[possible], release[possible], step_s)
+    return _Contacts.of(view, sides)
 
 
 def _prior(view: ImpactView, tried: _Contacts) -> FloatArray:
@@ -522,7 +531,7 @@ class _Posterior:
 
 
 def _posterior(view: ImpactView, whitening: "_Whitening", tried: _Contacts) -> _Posterior:
-    fit = _candidates(view, whitening, tried.onset_s, tried.release_s)
+    fit = _candidates(view, whitening, tried.ends)
     beyond = _bound_penalty(tried.release_s - tried.onset_s, view)
     prior = _prior(view, tried) + _duration_prior(tried.release_s - tried.onset_s)
     left = fit.left[:, int(np.argmin(fit.cost(1.0) + prior + beyond))]
@@ -605,11 +614,9 @@ def _robust(left: FloatArray) -> FloatArray:
     return np.asarray(soft.sum(axis=0))
 
 
-def _candidates(
-    view: ImpactView, whitening: _Whitening, onset: FloatArray, release: FloatArray
-) -> _Candidates:
+def _candidates(view: ImpactView, whitening: _Whitening, ends: "_Ends") -> _Candidates:
     """Best exponent for each contact, with the outline lag solved for."""
-    left, per_lag, lag_std = _path_residuals(view, whitening, _Ends.of(view, onset, release))
+    left, per_lag, lag_std = _path_residuals(view, whitening, ends)
     left = left - OUTLINE_AHEAD * per_lag
     lag = (per_lag * left).sum(axis=0) / ((per_lag**2).sum(axis=0) + lag_std**-2)
     left = np.concatenate([left - lag * per_lag, (lag / lag_std)[np.newaxis]])
@@ -641,7 +648,7 @@ def face_speeds(view: ImpactView, onset: float, release: float) -> tuple[float, 
 def _face_speeds(
     view: ImpactView, onset: FloatArray, release: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Approach and separation speeds (L,) of contacts from onset (L,) to release (L,), s."""
+    """Approach speeds at onsets and separation speeds at releases, s."""
     phi, omega = view.before.states(onset)
     approach = omega * arm_along_bar(view.rest - view.pivot, phi)
     phi, omega = view.after.states(release)
@@ -681,16 +688,21 @@ class _Ends:
     by_speeds: FloatArray
 
     @classmethod
-    def of(cls, view: ImpactView, onset: FloatArray, release: FloatArray) -> "_Ends":
-        duration = release - onset
-        state = view.flight.states(release)
+    def of(cls, view: ImpactView, sides: list[FloatArray], pairs: tuple[IntArray, ...]) -> "_Ends":
+        """Of contacts whose onset and release are `pairs` of times."""
+        (onsets, releases), (first, last) = sides, pairs
+        onset = onsets[first]
+        duration = releases[last] - onset
+        state = view.flight.states(releases)
         # the push turns the ball's way by less than its own noise turns a way of millimetres
         speed = np.hypot(*state[:, 2:].T)
         normal = state[:, 2:] / speed[:, np.newaxis]
         travel = np.maximum(((state[:, :2] - view.rest) * normal).sum(axis=-1), _MIN_TRAVEL_M)
+        approach, parting = _face_speeds(view, onsets, releases)
+        normal, speed, travel, parting = (one[last] for one in (normal, speed, travel, parting))
+        approach = approach[first]
         # the centroid of the impulse puts the path length at release at v Δt / (1 + e)
         cor = speed * duration / travel - 1.0
-        approach, parting = _face_speeds(view, onset, release)
         by_speeds = (parting / approach - cor) / COR_DIFFERENCE_STD
         return cls(
             onset,
@@ -702,6 +714,9 @@ class _Ends:
             approach,
             by_speeds,
         )
+
+    def at(self, chosen: BoolArray) -> "_Ends":
+        return _Ends(*(getattr(self, one.name)[chosen] for one in fields(self)))
 
 
 def _path_residuals(
@@ -734,7 +749,7 @@ def _path_residuals(
 class _Pulses:
     """Compression and path on an even grid of phases.
 
-    Tables (U, E, P) for U coefficients of restitution and E exponents; `which` of the U each of L
+    Tables (U, P, E) for U coefficients of restitution and E exponents; `which` of the U each of L
     contacts has (L,).
     """
 
@@ -751,11 +766,11 @@ class _Pulses:
 
     def at(self, phase: FloatArray, table: FloatArray) -> FloatArray:
         """Table interpolated at phases (N, L) of each contact, (N, L, E)."""
-        last = table.shape[-1] - 1
+        last = table.shape[1] - 1
         place = np.clip(phase, 0.0, 1.0) * last
         below = np.minimum(place.astype(np.int64), last - 1)
         part = (place - below)[..., np.newaxis]
-        lower, upper = table[self.which, :, below], table[self.which, :, below + 1]
+        lower, upper = table[self.which, below], table[self.which, below + 1]
         return np.asarray(lower * (1.0 - part) + upper * part)
 
     def path_length(self, phase: FloatArray) -> FloatArray:
@@ -766,9 +781,10 @@ class _Pulses:
 
 @lru_cache(maxsize=128)
 def _pulses_of(cor: float) -> tuple[FloatArray, FloatArray]:
-    """Compression and path (E, P) for one coefficient of restitution."""
+    """Compression and path (P, E) for one coefficient of restitution."""
     pulses = [contact_pulse(float(exponent), cor) for exponent in _EXPONENTS]
-    return np.array([one.compression for one in pulses]), np.array([one.path for one in pulses])
+    compression, path = ([getattr(one, name) for one in pulses] for name in ("compression", "path"))
+    return np.stack(compression, axis=-1), np.stack(path, axis=-1)
 
 
 UNKNOWN_SLANT = 0.25
