@@ -512,9 +512,10 @@ def flight_end(tracks: MetricTracks, inputs: Inputs, left: float) -> float:
         ends.append(float(time[stop]))
     height = place[:, 1]
     if inputs.fall is not None:
-        # where it is struck on the floor, height says nothing: the course of the path does
         floor = tracks.rest_m[1] - inputs.fall
         ends.append(_touch_down(time, tracks, floor, inputs.gravity))
+        if inputs.fall < _noise(tracks):
+            ends.append(_first_bounce(time, tracks, left, inputs.gravity))
     # a jump starts another motion: a second strike has an apex of its own
     highest = int(np.argmax(height[:jump]))
     lowest = highest + int(np.argmin(height[highest:jump]))
@@ -535,6 +536,51 @@ def _touch_down(time: FloatArray, tracks: MetricTracks, floor: float, gravity: f
         if up > 0.0 and (speed + math.sqrt(up)) / gravity >= elapsed[-1]:
             return float(time[count - 1]) + 1e-9
     return float(time[0])
+
+
+_BOUNCES_FOLLOWED = 20
+"""Bounces after which a ball counts as rolling (chosen)."""
+
+_BOUNCES, _SPEEDS = np.linspace(0.0, 0.95, 20), 100
+"""Fractions of the speed that a bounce keeps, and number of upward speeds, which are compared
+(chosen: steps of a twentieth and a hundredth)."""
+
+
+def _first_bounce(time: FloatArray, tracks: MetricTracks, left: float, gravity: float) -> float:
+    """Time at which a ball that was struck on the floor comes back to it, s.
+
+    Its arcs follow from its upward speed and what a bounce keeps of it. Both are fitted to all
+    heights with an offset, since the floor's shadow displaces a ball at rest.
+    """
+    rows = np.isin(tracks.ball_time_s, time)
+    place, weight = tracks.ball_m[rows], 1.0 / np.sqrt(tracks.ball_cov_m2[rows, 1, 1])
+    fastest = float(np.hypot(*(place[-1] - place[0]))) / max(time[-1] - time[0], 1e-9)
+    upward = np.linspace(0.0, fastest, _SPEEDS + 1)[1:, None]
+    misfit = np.array(
+        [
+            _misfit(_arcs(time - left, upward, kept, gravity), place[:, 1], weight)
+            for kept in _BOUNCES
+        ]
+    )
+    best = int(np.argmin(misfit.min(axis=0)))
+    return left + 2.0 * float(upward[best, 0]) / gravity
+
+
+def _arcs(elapsed: FloatArray, upward: FloatArray, kept: float, gravity: float) -> FloatArray:
+    """Heights (n, F) over the floor of balls that leave it upwards (n, 1) and bounce."""
+    speed, since = upward * np.ones_like(elapsed), elapsed * np.ones_like(upward)
+    for _ in range(_BOUNCES_FOLLOWED):
+        landed = since * gravity > 2.0 * speed
+        since = np.where(landed, since - 2.0 * speed / gravity, since)
+        speed = np.where(landed, kept * speed, speed)
+    return np.asarray(np.maximum(speed * since - 0.5 * gravity * since**2, 0.0))
+
+
+def _misfit(heights: FloatArray, seen: FloatArray, weight: FloatArray) -> FloatArray:
+    """Sum of absolute deviations over std of seen heights (F,) from each of (n, F), shifted."""
+    left = seen - heights
+    left = left - np.median(left, axis=1, keepdims=True)
+    return np.asarray((weight * np.abs(left)).sum(axis=1))
 
 
 def _stop(time: FloatArray, place: FloatArray, tracks: MetricTracks, gravity: float) -> int | None:

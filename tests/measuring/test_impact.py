@@ -122,6 +122,26 @@ def test_a_flight_from_the_floor_ends_on_the_floor(up: float) -> None:
     assert end == pytest.approx(lasts - FIRST, abs=0.006)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_flight_from_the_floor_ends_at_bounces_as_low_as_the_noise(seed: int) -> None:
+    scene, shot = known_stroke("jokku", 120.0)
+    tracks = ideal_tracks(scene, shot, Noise(2.5e-3), fps=300.0)
+    flown, height = (
+        np.clip(tracks.ball_time_s + FIRST, 0.0, None),
+        np.zeros(len(tracks.ball_time_s)),
+    )
+    begun, up = 0.0, 0.34
+    for _ in range(8):
+        since = np.clip(flown - begun, 0.0, None)
+        height = np.maximum(height, up * since - 0.5 * 9.82 * since**2)
+        begun, up = begun + 2.0 * up / 9.82, 0.7 * up
+    noise = np.random.default_rng(seed).normal(0.0, 2.5e-3, (len(flown), 2))
+    struck = replace(tracks, ball_m=tracks.rest_m + np.column_stack([3.4 * flown, height]) + noise)
+    inputs = replace(gather_inputs(Setup(), "jokku", None), fall=0.0)
+    end = flight_end(struck, inputs, departure(struck))
+    assert end == pytest.approx(2.0 * 0.34 / 9.82 - FIRST, abs=0.02)
+
+
 def test_the_flight_ends_where_the_path_jumps_to_something_else() -> None:
     scene, shot = known_stroke("jokku", 120.0)
     tracks = ideal_tracks(scene, shot, Noise(1e-4))
