@@ -136,7 +136,8 @@ def interpret(
     """
     values, one, other = features_of(ball, striker, kept)
     if one is None:
-        shares = dict.fromkeys(MotionKind, 0.0) | {MotionKind.NONE: 1.0}
+        # so few rows test no kind: each remains as probable as any other
+        shares = dict.fromkeys(MotionKind, 1.0 / len(MotionKind))
         reason = f"It is seen in {len(ball)} frames only; a motion needs {MIN_TRACK_ROWS}."
         return Interpretation(
             MotionKind.NONE, shares, (), (), (reason,), None, None, None, math.nan, 0.0
