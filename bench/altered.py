@@ -18,7 +18,7 @@ from bench.cases import Case
 from sample_videos.render import REPEATABLE
 
 Pictures = list[NDArray[np.uint8]]
-CLOCK = ("contact_start", "contact_end")
+CLOCK_QUANTITIES = ("contact_start", "contact_end")
 RATE_BOUND = ("contact_frames",)
 
 
@@ -193,7 +193,7 @@ def altered(case: Case, way: Way, folder: Path) -> Case:
     later = way.before / case.fps
     bound = RATE_BOUND if way.every > 1 or way.dropped else ()
     truth = {
-        key: value + later if key in CLOCK else value
+        key: value + later if key in CLOCK_QUANTITIES else value
         for key, value in case.truth.items()
         if key not in bound
     }

@@ -28,10 +28,10 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 RESULTS = DOCS / "results"
 SAMPLE = ROOT / "sample_videos" / "clips" / "basketball_60.truth.json"
-MARK = re.compile(r"<!--=(?P<key>[\w.]+)-->.*?<!--/-->", re.DOTALL)
-UNITS = {"1": "", "deg": "°", "m/s^2": "m/s²", "kg m^2": "kg m²", "N s": "N s", "m_s": "m/s"}
+INSERT_MARK = re.compile(r"<!--=(?P<key>[\w.]+)-->.*?<!--/-->", re.DOTALL)
+SHOWN_UNITS = {"1": "", "deg": "°", "m/s^2": "m/s²", "kg m^2": "kg m²", "N s": "N s", "m_s": "m/s"}
 PERCENT = 100.0
-SURE = 0.9
+SURE_FROM = 0.9
 """Probability from which a name is certain; convention."""
 
 Record = dict[str, Any]
@@ -40,7 +40,7 @@ Record = dict[str, Any]
 def pages() -> list[Path]:
     """Every page with marks, README included."""
     found = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
-    return [page for page in found if MARK.search(page.read_text(encoding="utf-8"))]
+    return [page for page in found if INSERT_MARK.search(page.read_text(encoding="utf-8"))]
 
 
 def filled(text: str, known: dict[str, Callable[[], str]]) -> str:
@@ -51,7 +51,7 @@ def filled(text: str, known: dict[str, Callable[[], str]]) -> str:
     KeyError
         If a mark names a value that no result file holds.
     """
-    return MARK.sub(lambda m: f"<!--={m['key']}-->{known[m['key']]()}<!--/-->", text)
+    return INSERT_MARK.sub(lambda m: f"<!--={m['key']}-->{known[m['key']]()}<!--/-->", text)
 
 
 def values() -> dict[str, Callable[[], str]]:
@@ -364,13 +364,13 @@ def _campaigns_summary(tables: Record) -> str:
         name in table["names"]
         for table in tables.values()
         for name, probability in table["effects"].items()
-        if probability >= SURE
+        if probability >= SURE_FROM
     ]
     rows = [
         ("campaigns", str(len(tables))),
         ("verdict right, every name right or grouped with a right one",
          str(sum(_is_right(table) for table in tables.values()))),
-        (f"names with {SURE} or more", str(len(sure))),
+        (f"names with {SURE_FROM} or more", str(len(sure))),
         ("of these right", str(sum(sure))),
     ]  # fmt: skip
     return _table(("", "count"), rows)
@@ -404,7 +404,7 @@ def shown(value: float, std: float | None, unit: str, bare: bool = False) -> str
         std = None if std is None else 1e3 * std
     width = value if std is None else std
     digits = 4 if not width else max(0, 1 - math.floor(math.log10(abs(width))))
-    sign = UNITS.get(unit, unit)
+    sign = SHOWN_UNITS.get(unit, unit)
     number = f"{value:.{digits}f}"
     if std is not None and not bare:
         number += f" ± {std:.{digits}f}"
@@ -449,7 +449,7 @@ def _defaults_table() -> str:
 
 
 def _unit(default: Default) -> str:
-    return UNITS.get(default.unit, default.unit)
+    return SHOWN_UNITS.get(default.unit, default.unit)
 
 
 def _lessons_table() -> str:

@@ -21,7 +21,7 @@ __all__ = ["tables"]
 
 DOCS = Path(__file__).parents[1] / "docs"
 RESULTS = DOCS / "results" / "model.json"
-FIGURES = ("02", "05", "12", "22", "27")
+PAGE_FIGURES = ("02", "05", "12", "22", "27")
 """Figures shown on the page."""
 
 Rows = list[tuple[str, ...]]
@@ -135,7 +135,7 @@ def main() -> None:
     np.seterr(all="raise", under="ignore")
     write_text_whole(RESULTS, json.dumps(tables(), indent=1, ensure_ascii=False) + "\n")
     pictures = DOCS / "pictures"
-    for path in paper.draw_figures(pictures, only=FIGURES):
+    for path in paper.draw_figures(pictures, only=PAGE_FIGURES):
         path.replace(pictures / f"model_{path.name}")
     paper.draw_sensitivities(pictures / "model_sensitivity.png")
 

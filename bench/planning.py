@@ -30,7 +30,7 @@ SETTINGS = {
         BASKETBALL, 90.0, 640, 360, fps=300.0, distance_m=4.6, tape_std_m=None
     ),
 }
-COMPARED = (
+PLANNED_QUANTITIES = (
     "contact_time",
     "pendulum_speed_before",
     "pendulum_speed_after",
@@ -66,7 +66,7 @@ def filmed(filming: Filming, folder: Path) -> Iterator[tuple[str, float, float]]
     setup = with_tape_errors(planned_setup(filming, scene), filming.seed)
     measured = measure_clip(clip, MeasureOptions(setup=setup))
     clip.unlink()
-    for name in COMPARED:
+    for name in PLANNED_QUANTITIES:
         quantity = measured.quantity(name)
         if quantity.value is not None and quantity.std is not None and name in truth:
             yield name, quantity.value - truth[name], quantity.std
@@ -95,14 +95,14 @@ def with_tape_errors(setup: Setup, seed: int) -> Setup:
 def compared(filming: Filming, clips: int, *, first: int = 1) -> list[Compared]:
     """Predict one setting, render it `clips` times and compare."""
     forecast = predict_recording(filming)
-    errors: dict[str, list[tuple[float, float]]] = {name: [] for name in COMPARED}
+    errors: dict[str, list[tuple[float, float]]] = {name: [] for name in PLANNED_QUANTITIES}
     with TemporaryDirectory() as folder:
         for seed in range(first, first + clips):
             for name, error, std in filmed(replace(filming, seed=seed), Path(folder)):
                 errors[name].append((error, std))
     rows = []
     for quantity in forecast.quantities:
-        if quantity.name in COMPARED and quantity.std is not None:
+        if quantity.name in PLANNED_QUANTITIES and quantity.std is not None:
             pairs = errors[quantity.name]
             off, stated = tuple(e for e, _ in pairs), tuple(s for _, s in pairs)
             rows.append(Compared(quantity.name, quantity.unit, quantity.std, off, stated))

@@ -30,11 +30,11 @@ __all__ = ["draw_room", "room_case"]
 Colour = tuple[float, float, float]
 Vector = tuple[float, float, float]
 
-BEFORE_S, AFTER_S = 0.085, 0.11
+ROOM_BEFORE_S, AFTER_S = 0.085, 0.11
 """s; interval filmed, relative to first contact."""
-SIZES = ((432, 240), (320, 180), (640, 360), (208, 116))
+ROOM_SIZES = ((432, 240), (320, 180), (640, 360), (208, 116))
 """Image sizes, px."""
-FAINT = 0.03
+FAINT_WALL = 0.03
 """Contrast of grid lines below which a user would not give their spacing; chosen."""
 MAKES = ("block", "wide block", "bob on a rod", "bob on a cord", "pale block", "long block")
 
@@ -45,7 +45,7 @@ def room_case(seed: int, folder: Path) -> Case:
     path = folder / f"room_{seed:03d}.mp4"
     render_clip(scene, shot, path)
     wall = scene.room.wall
-    pitch = wall.pitch if wall.contrast > FAINT else None
+    pitch = wall.pitch if wall.contrast > FAINT_WALL else None
     setup = Setup(camera=CameraSetup(scene.shutter.fps), wall=WallSetup(pitch))
     return rendered(
         truth_path(path), f"{seed:03d}", MeasureOptions(setup=setup, ball=scene.ball.name)
@@ -56,7 +56,7 @@ def draw_room(seed: int) -> tuple[Scene, Shot]:
     """Draw a room; a seed always gives the same room."""
     rng = np.random.default_rng([seed, 97])
     ball = BALLS[str(rng.choice(sorted(BALLS)))]
-    size = SIZES[int(rng.choice(4, p=[0.5, 0.2, 0.1, 0.2]))]
+    size = ROOM_SIZES[int(rng.choice(4, p=[0.5, 0.2, 0.1, 0.2]))]
     scene = default_scene(ball=ball, size=size, seed=seed)
     yaw = float(np.radians(rng.uniform(-6.0, 25.0))) if rng.uniform() < 0.4 else 0.0
     make = str(rng.choice(MAKES))
@@ -72,7 +72,7 @@ def draw_room(seed: int) -> tuple[Scene, Shot]:
     )
     backswing = float(rng.uniform(45.0, 110.0))
     scene, shot = staged(backswing, scene)
-    first = -(BEFORE_S + float(rng.uniform(0.0, 1.0 / 600.0)))
+    first = -(ROOM_BEFORE_S + float(rng.uniform(0.0, 1.0 / 600.0)))
     scene = replace(
         scene,
         shutter=replace(scene.shutter, first=first),

@@ -437,7 +437,7 @@ class _Swung:
         return self.cor(launched, turned)
 
 
-_VALUES: dict[str, Callable[[_Strike], float]] = {
+_VALUE_OF: dict[str, Callable[[_Strike], float]] = {
     "contact_time": lambda s: s.of_contact(lambda onset, release: release - onset),
     "contact_start": lambda s: s.of_contact(lambda onset, _: onset),
     "contact_end": lambda s: s.of_contact(lambda _, release: release),
@@ -474,7 +474,7 @@ def _fall(free: FlightFit) -> float:
 
 def _evaluate(impact: Impact, inputs: Inputs, shift: _Shift, names: Container[str]) -> FloatArray:
     strike = _Strike(impact, inputs, shift)
-    return np.array([_VALUES[name](strike) if name in names else np.nan for name in DERIVED])
+    return np.array([_VALUE_OF[name](strike) if name in names else np.nan for name in DERIVED])
 
 
 def _launch_to(flight: FlightFit, state: FloatArray, place: FloatArray) -> FloatArray | None:

@@ -32,7 +32,7 @@ LIMIT_BYTES = 1_000_000_000
 FOLDER_VARIABLE = "IMPACT_VISION_CACHE"
 """Environment variable with the cache folder; "off" disables the cache."""
 
-_SUFFIX = ".npz"
+_ENDING = ".npz"
 
 _OLD_SUFFIX = ".pickle"
 """Suffix of entries of earlier versions: never read, removed first."""
@@ -140,13 +140,13 @@ class Cache:
         return sum(size for _, size, _ in self._entries())
 
     def _path(self, key: str) -> Path | None:
-        return None if self.folder is None else self.folder / (key + _SUFFIX)
+        return None if self.folder is None else self.folder / (key + _ENDING)
 
     def _entries(self) -> Iterator[tuple[Path, int, float]]:
         if self.folder is None or not self.folder.is_dir():
             return
         for path in self.folder.iterdir():
-            if path.suffix not in (_SUFFIX, _OLD_SUFFIX) and not path.name.startswith(_TEMPORARY):
+            if path.suffix not in (_ENDING, _OLD_SUFFIX) and not path.name.startswith(_TEMPORARY):
                 continue
             try:
                 seen = path.stat()

@@ -746,7 +746,7 @@ def _rate_by_fall(followed: FollowedClip, wall: "WallScene") -> CaptureRate:
     rate = followed.rate
     scene = _conditions(followed, wall)
     moving = _motion_scene(scene, followed, wall)
-    if not moving.metric or followed.tracks.motion.measured_as not in _FALLING:
+    if not moving.metric or followed.tracks.motion.measured_as not in _FALLING_KINDS:
         return rate
     try:
         estimate = rate_from_gravity(followed.tracks, moving)
@@ -763,7 +763,7 @@ def _rate_by_fall(followed: FollowedClip, wall: "WallScene") -> CaptureRate:
 
 _WALL_UNKNOWN = "with a given scale of the plane of motion, the position of the wall is unknown"
 
-_FALLING = (MotionKind.STRIKE, MotionKind.FLIGHT, MotionKind.DROP)
+_FALLING_KINDS = (MotionKind.STRIKE, MotionKind.FLIGHT, MotionKind.DROP)
 
 
 def _motion_scene(scene: ClipConditions, followed: FollowedClip, wall: "WallScene") -> MotionScene:

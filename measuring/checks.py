@@ -221,7 +221,7 @@ _STEPS = 4
 """Frame steps of the displacement after release (chosen: fewer are noisy, more are affected by
 gravity and air)."""
 
-_SIGMAS = 3.0
+_CHECK_SIGMAS = 3.0
 """Standard deviations (convention: exceeded by 1 correct clip in 370)."""
 
 RELEVANT_SPEED_FRACTION = 0.1
@@ -324,7 +324,7 @@ class _Compared:
 
     @property
     def differs(self) -> bool:
-        return abs(self.apart) > _SIGMAS * self.std
+        return abs(self.apart) > _CHECK_SIGMAS * self.std
 
 
 def compare_speeds(found: dict[str, Quantity]) -> SpeedComparison | None:
@@ -350,7 +350,7 @@ def compare_speeds(found: dict[str, Quantity]) -> SpeedComparison | None:
         by_pendulum = _compared(pendulum, fitted, weight.value)
     text += f"; the fitted flight {fitted.value:.3f} ± {fitted.std:.3f} m/s"
     relevant = RELEVANT_SPEED_FRACTION * abs(fitted.value)
-    power = float(scipy.special.ndtr(-_SIGMAS + relevant / min(along.std, by_pendulum.std)))
+    power = float(scipy.special.ndtr(-_CHECK_SIGMAS + relevant / min(along.std, by_pendulum.std)))
     outcome = CheckOutcome.PASSED if power >= MIN_CHECK_POWER else CheckOutcome.UNDECIDED
     if along.differs or by_pendulum.differs:
         outcome = CheckOutcome.FAILED
@@ -446,12 +446,12 @@ def size_at_scale(observed_m: float, relative_std: float, given_m: float, advice
     """
     # relative to the given diameter
     std = relative_std * observed_m / given_m
-    power = float(scipy.special.ndtr(-_SIGMAS + RELEVANT_SIZE_FRACTION / std))
+    power = float(scipy.special.ndtr(-_CHECK_SIGMAS + RELEVANT_SIZE_FRACTION / std))
     text = (
         f"the tracked object is {1e3 * observed_m:.3g} mm wide at the scale of its plane; the given"
         f" diameter is {1e3 * given_m:.3g} mm"
     )
-    if abs(observed_m / given_m - 1.0) > _SIGMAS * std:
+    if abs(observed_m / given_m - 1.0) > _CHECK_SIGMAS * std:
         return Check(CheckKind.BALL_SIZE, CheckOutcome.FAILED, f"{text}: {advice}", power)
     outcome = CheckOutcome.PASSED if power >= MIN_CHECK_POWER else CheckOutcome.UNDECIDED
     return Check(CheckKind.BALL_SIZE, outcome, text, power)
@@ -474,11 +474,11 @@ def pendulum_length(seen_m: float, inputs: Inputs) -> CheckResult:
     length = inputs.rig.length
     std = math.hypot(ARM_RELATIVE_STD, length.relative_std)
     apart = math.log(seen_m / length.value)
-    power = float(scipy.special.ndtr(-_SIGMAS + RELEVANT_ARM_FRACTION / std))
+    power = float(scipy.special.ndtr(-_CHECK_SIGMAS + RELEVANT_ARM_FRACTION / std))
     given = "assumed" if length.value_from is Origin.PRESET else "given in the setup file"
     seen = format_value(seen_m, ARM_RELATIVE_STD * seen_m, "m")
     text = f"the pendulum's observed arm is {seen} long, the one {given} {length.value:.2f} m"
-    if abs(apart) <= _SIGMAS * std:
+    if abs(apart) <= _CHECK_SIGMAS * std:
         outcome = CheckOutcome.PASSED if power >= MIN_CHECK_POWER else CheckOutcome.UNDECIDED
         return CheckResult(Check(CheckKind.PENDULUM_LENGTH, outcome, text, power), ())
     text += (
@@ -510,7 +510,7 @@ def passive_contact(found: dict[str, Quantity]) -> CheckResult | None:
         None if the COR is unknown or not significantly above 1.
     """
     cor = found[QuantityName.COR]
-    if cor.value is None or cor.std is None or cor.value - 1.0 <= _SIGMAS * cor.std:
+    if cor.value is None or cor.std is None or cor.value - 1.0 <= _CHECK_SIGMAS * cor.std:
         return None
     text = (
         f"the coefficient of restitution is {cor.value:.3f} ± {cor.std:.3f}, but a passive contact"

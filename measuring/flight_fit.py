@@ -42,7 +42,7 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
-_STEP_S, _MIN_STEP_S = 0.015, 1e-6
+_SWING_STEP_S, _MIN_STEP_S = 0.015, 1e-6
 """s, Runge–Kutta step (chosen: a swing of 1 s is accurate to 1e-7 rad) and its minimum."""
 
 _EXTENSION_FACTOR = 1.5
@@ -215,7 +215,7 @@ def _path(rows: FloatArray, until: float) -> Trajectory:
     model = SwingModel(length=1.0, inertia=1.0, mass=rows[:, 2], com=1.0, gravity=1.0)
     until = until if abs(until) > _MIN_STEP_S else _MIN_STEP_S
     return integrate(
-        model.rates, rows[:, :2].T, np.array(until), int(np.ceil(abs(until) / _STEP_S))
+        model.rates, rows[:, :2].T, np.array(until), int(np.ceil(abs(until) / _SWING_STEP_S))
     )
 
 

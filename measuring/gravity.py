@@ -291,7 +291,7 @@ FloatArray = NDArray[np.float64]
 
 ESTIMATES = ("cor_speeds", "cor_launch", "cor_range")
 
-_COR_SIGMAS, _CHANCE = 3.0, 0.003
+_COR_SIGMAS, _COR_CHANCE = 3.0, 0.003
 """Standard deviations, and their probability (convention: exceeded by 1 correct clip in 370)."""
 
 RELEVANT_COR_DIFFERENCE = 0.1
@@ -381,7 +381,7 @@ def _agreement(values: FloatArray, covariance: FloatArray, estimates: list[str])
     listed = ", ".join(f"{name} {value:.3f}" for name, value in zip(estimates, values, strict=True))
     closest = float(np.sqrt(np.diag(spread).min()))
     power = float(scipy.special.ndtr(-_COR_SIGMAS + RELEVANT_COR_DIFFERENCE / closest))
-    if chance < _CHANCE:
+    if chance < _COR_CHANCE:
         text = (
             f"the estimates of the coefficient of restitution disagree ({listed}):"
             " check the pendulum's inertia and the ball's mass in the setup file"

@@ -46,7 +46,7 @@ from vision.tracks import FollowedObject, Track, Tracks
 
 __all__ = [
     "NEAR_PLANE_FRACTION",
-    "STEEL",
+    "STEEL_DENSITY",
     "ContactFit",
     "Impact",
     "ImpactView",
@@ -192,7 +192,7 @@ _SEARCH_S = 0.06
 _FINE_TIMES = 32
 """Onsets and releases of the fine grid (derived: eight to a standard uncertainty)."""
 
-_REFINEMENTS = 2
+_CONTACT_REFINEMENTS = 2
 """Finer grids (derived: each is finer by eight, and half a frame over 64 is below any std)."""
 
 _NEGLIGIBLE = 20.0
@@ -397,7 +397,7 @@ def fit_contact(view: ImpactView, around_s: float, *, check_bound: bool = True) 
     if check_bound:
         _require_possible(view, fine, prior, around_s)
     fine = fine.at(prior < prior.min() + _NEGLIGIBLE)
-    for _ in range(_REFINEMENTS):
+    for _ in range(_CONTACT_REFINEMENTS):
         finer = _every_contact(view, around_s, fine.at(_posterior(view, whitening, fine).likely))
         if not np.isfinite(_prior(view, finer)).any():
             break
@@ -790,7 +790,7 @@ def _pulses_of(cor: float) -> tuple[FloatArray, FloatArray]:
 UNKNOWN_SLANT = 0.25
 """Slope of the line of sight from a camera of unknown position (assumed)."""
 
-STEEL, THICKNESS_RELATIVE_STD = 7850.0, 0.3
+STEEL_DENSITY, THICKNESS_RELATIVE_STD = 7850.0, 0.3
 """kg/m³, density of steel; relative std of the thickness of a mass against a steel cube of the same
 mass (chosen)."""
 
@@ -1004,7 +1004,7 @@ def _edge_before_face(tracks: MetricTracks, inputs: Inputs) -> tuple[float, floa
 
 def _half_thickness(inputs: Inputs) -> float:
     """Half the thickness of a steel cube of the pendulum's mass, m."""
-    return float(0.5 * (inputs.pendulum.mass / STEEL) ** (1.0 / 3.0))
+    return float(0.5 * (inputs.pendulum.mass / STEEL_DENSITY) ** (1.0 / 3.0))
 
 
 UNSEEN_HALF_CONTACT_S, UNSEEN_HALF_CONTACT_STD_S = 0.006, 0.003
@@ -1484,10 +1484,10 @@ def _longest_contact(inputs: Inputs, radius: float) -> float:
     return math.pi * math.sqrt(2.0 * MAX_SAG_FRACTION * radius / inputs.gravity)
 
 
-_LINE_FRAMES = 10
+_GAP_LINE_FRAMES = 10
 """Frames of a line on each side of the contact (chosen; gliding discs hardly slow down)."""
 
-RADIUS_STD_PX = 0.3
+FACE_RADIUS_STD_PX = 0.3
 """px, std of the distance of two outlines at contact (assumed: both edges, motion blur)."""
 
 
@@ -1534,16 +1534,16 @@ def disc_contact(tracks: Tracks) -> DiscContact | None:
     radii_sum = float(np.median(ball.radius_px) + np.median(striker.radius_px))
     gap = np.hypot(*(striker.centre_px - rest).T) - radii_sum
     closing = _line_to_zero(
-        striker, gap, (striker.frame < last) & (striker.frame >= last - _LINE_FRAMES)
+        striker, gap, (striker.frame < last) & (striker.frame >= last - _GAP_LINE_FRAMES)
     )
     away = np.hypot(*(ball.centre_px - rest).T)
     leaving = _line_to_zero(
-        ball, away, (ball.frame > last + 1) & (ball.frame <= last + _LINE_FRAMES)
+        ball, away, (ball.frame > last + 1) & (ball.frame <= last + _GAP_LINE_FRAMES)
     )
     if closing is None or leaving is None:
         return None
     touch, touch_std, speed = closing
-    touch_std = math.hypot(touch_std, RADIUS_STD_PX / abs(speed))
+    touch_std = math.hypot(touch_std, FACE_RADIUS_STD_PX / abs(speed))
     left, left_std, _ = leaving
     weights = np.array([touch_std, left_std]) ** -2.0
     time = float(weights @ [touch, left] / weights.sum())

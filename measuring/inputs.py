@@ -237,35 +237,35 @@ class QuantityName(StrEnum):
     OTHER_SPEED_AFTER_PX = "other_speed_after_px"
 
 
-_STRIKE = (MotionKind.STRIKE,)
+_STRIKE_ONLY = (MotionKind.STRIKE,)
 
 _FALL = (MotionKind.FLIGHT, MotionKind.DROP)
 
 _MET = (MotionKind.COLLISION,)
 
-_ANY = tuple(MotionKind)
+_ANY_KIND = tuple(MotionKind)
 
-_TABLE: dict[QuantityName, tuple[str, tuple[MotionKind, ...]]] = {
-    QuantityName.CONTACT_FRAMES: ("1", _STRIKE + _MET),
-    QuantityName.CONTACT_TIME: ("s", _STRIKE + _MET),
-    QuantityName.CONTACT_START: ("s", _STRIKE + _MET),
-    QuantityName.CONTACT_END: ("s", _STRIKE + _MET),
-    QuantityName.PENDULUM_SPEED_BEFORE: ("m/s", _STRIKE),
-    QuantityName.PENDULUM_SPEED_AFTER: ("m/s", _STRIKE),
-    QuantityName.BALL_SPEED: ("m/s", _STRIKE),
-    QuantityName.LAUNCH_ANGLE: ("deg", _STRIKE),
-    QuantityName.LANDING_DISTANCE: ("m", _STRIKE),
-    QuantityName.LANDING_DISTANCE_ON_WALL: ("m", _STRIKE),
-    QuantityName.LANDING_TIME: ("s", _STRIKE),
-    QuantityName.COR_SPEEDS: ("1", _STRIKE),
-    QuantityName.COR_LAUNCH: ("1", _STRIKE),
-    QuantityName.COR_RANGE: ("1", _STRIKE),
-    QuantityName.COR: ("1", _STRIKE),
-    QuantityName.EXTERNAL_IMPULSE: ("N s", _STRIKE),
-    QuantityName.ENERGY_LOSS: ("J", _STRIKE),
-    QuantityName.BACKSWING_ANGLE: ("deg", _STRIKE),
-    QuantityName.BALL_PLANE_OFFSET: ("m", _ANY),
-    QuantityName.CAMERA_DISTANCE: ("m", _ANY),
+_QUANTITY_TABLE: dict[QuantityName, tuple[str, tuple[MotionKind, ...]]] = {
+    QuantityName.CONTACT_FRAMES: ("1", _STRIKE_ONLY + _MET),
+    QuantityName.CONTACT_TIME: ("s", _STRIKE_ONLY + _MET),
+    QuantityName.CONTACT_START: ("s", _STRIKE_ONLY + _MET),
+    QuantityName.CONTACT_END: ("s", _STRIKE_ONLY + _MET),
+    QuantityName.PENDULUM_SPEED_BEFORE: ("m/s", _STRIKE_ONLY),
+    QuantityName.PENDULUM_SPEED_AFTER: ("m/s", _STRIKE_ONLY),
+    QuantityName.BALL_SPEED: ("m/s", _STRIKE_ONLY),
+    QuantityName.LAUNCH_ANGLE: ("deg", _STRIKE_ONLY),
+    QuantityName.LANDING_DISTANCE: ("m", _STRIKE_ONLY),
+    QuantityName.LANDING_DISTANCE_ON_WALL: ("m", _STRIKE_ONLY),
+    QuantityName.LANDING_TIME: ("s", _STRIKE_ONLY),
+    QuantityName.COR_SPEEDS: ("1", _STRIKE_ONLY),
+    QuantityName.COR_LAUNCH: ("1", _STRIKE_ONLY),
+    QuantityName.COR_RANGE: ("1", _STRIKE_ONLY),
+    QuantityName.COR: ("1", _STRIKE_ONLY),
+    QuantityName.EXTERNAL_IMPULSE: ("N s", _STRIKE_ONLY),
+    QuantityName.ENERGY_LOSS: ("J", _STRIKE_ONLY),
+    QuantityName.BACKSWING_ANGLE: ("deg", _STRIKE_ONLY),
+    QuantityName.BALL_PLANE_OFFSET: ("m", _ANY_KIND),
+    QuantityName.CAMERA_DISTANCE: ("m", _ANY_KIND),
     QuantityName.FALL_ACCELERATION: ("m/s^2", _FALL),
     QuantityName.FLIGHT_SPEED: ("m/s", _FALL),
     QuantityName.FLIGHT_ANGLE: ("deg", _FALL),
@@ -278,7 +278,7 @@ _TABLE: dict[QuantityName, tuple[str, tuple[MotionKind, ...]]] = {
     QuantityName.COR_COLLISION: ("1", _MET),
 }
 
-QUANTITY_UNITS: dict[str, str] = {name.value: unit for name, (unit, _) in _TABLE.items()}
+QUANTITY_UNITS: dict[str, str] = {name.value: unit for name, (unit, _) in _QUANTITY_TABLE.items()}
 
 
 OF_THE_SUPPORT = (
@@ -327,8 +327,8 @@ def in_pixels(name: QuantityName) -> QuantityName:
 
 def kinds_of(name: str) -> tuple[MotionKind, ...]:
     """Motions in which a quantity can be measured."""
-    entry = _TABLE.get(QuantityName(name))
-    return _ANY if entry is None else entry[1]
+    entry = _QUANTITY_TABLE.get(QuantityName(name))
+    return _ANY_KIND if entry is None else entry[1]
 
 
 _MAIN: dict[MotionKind, tuple[QuantityName, ...]] = {

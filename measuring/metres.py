@@ -47,7 +47,7 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
-_FACE_STD_PX = 0.10
+_FACE_EDGE_STD_PX = 0.10
 """px, error of the mass's track between its observed face and the point of contact (fitted: the
 face offset at the true contact has an std of 0.12 px over ray-traced clips of another renderer and
 0.10 px over own ones, 208 to 640 px wide; 0.08 px of it comes from the fit of the rims)."""
@@ -625,7 +625,7 @@ def _swing(
         if point_px is None:
             return 0.0, math.inf
         ahead = float((mapping.point(point_px) * flip - pivot) @ normal)
-        return ahead, math.hypot(std_px, _FACE_STD_PX) * scale
+        return ahead, math.hypot(std_px, _FACE_EDGE_STD_PX) * scale
 
     return _SwingInMetres(
         pivot,

@@ -454,7 +454,7 @@ def _halves_difference(path: FlightFrames, priors: FreeFlightPriors) -> float:
     return float(abs(one - other) / math.hypot(one_std, other_std))
 
 
-LINE_FRAMES = 20
+COLLISION_LINE_FRAMES = 20
 """Frames of a line on one side of the collision (chosen; bodies hardly slow down over them)."""
 
 MIN_COLLISION_FRAMES = 4
@@ -586,7 +586,7 @@ def _passage(
     track: Track, clock: FloatArray, time: float, side: int, step: float, name: str
 ) -> Passage:
     at = clock[track.frame] - time
-    used = (side * at > 0.6 * step) & (side * at < (LINE_FRAMES + 0.6) * step)
+    used = (side * at > 0.6 * step) & (side * at < (COLLISION_LINE_FRAMES + 0.6) * step)
     if used.sum() < MIN_COLLISION_FRAMES:
         where = "before" if side < 0 else "after"
         raise TooLittleDataError(
@@ -894,13 +894,13 @@ def motion_quantities(tracks: Tracks, scene: MotionScene) -> MotionResults:
         return MotionResults(
             {
                 name.value: Quantity.missing(name.value, unit, problem.in_one_line)
-                for name, unit in _UNITS[kind].items()
+                for name, unit in _KIND_UNITS[kind].items()
             }
         )
     return MotionResults()
 
 
-_UNITS: dict[MotionKind, dict[QuantityName, str]] = {
+_KIND_UNITS: dict[MotionKind, dict[QuantityName, str]] = {
     kind: {
         QuantityName.FALL_ACCELERATION: "m/s^2",
         QuantityName.FLIGHT_SPEED: "m/s",
@@ -995,7 +995,7 @@ def flight_of(ball: Track, scene: MotionScene, mapping: Mapping | None = None) -
     return fit_free_flight(path, FreeFlightPriors(drag, drag_std, growth))
 
 
-_NAMES = (QuantityName.FALL_ACCELERATION, QuantityName.FLIGHT_SPEED, QuantityName.FLIGHT_ANGLE)
+_IN_FLIGHT = (QuantityName.FALL_ACCELERATION, QuantityName.FLIGHT_SPEED, QuantityName.FLIGHT_ANGLE)
 
 
 def require_upright(tracks: Tracks) -> None:
@@ -1034,13 +1034,13 @@ def _falling(tracks: Tracks, scene: MotionScene) -> MotionResults:
     found: dict[str, Quantity] = {}
     angle = _angle(float(values[2]), budgets[2], tracks.motion.kind)
     found[angle.name] = angle
-    for index, name in enumerate(_NAMES[:2]):
+    for index, name in enumerate(_IN_FLIGHT[:2]):
         one = _in_units(name, float(values[index]), budgets[index], scene)
         found[one.name] = one
         if one.name != name.value:
             reason = _no_scale(scene)
             found[name.value] = Quantity.missing(
-                name.value, _UNITS[MotionKind.FLIGHT][name], reason
+                name.value, _KIND_UNITS[MotionKind.FLIGHT][name], reason
             )
     steady = _steady(flight, len(ball))
     acceleration = found[QuantityName.FALL_ACCELERATION.value]

@@ -84,7 +84,7 @@ FloatArray = NDArray[np.float64]
 NOT_ASKED = "it was not asked for"
 _NO_FALL = "the flight that was followed is too short to show a fall; film more of it"
 _UNDETERMINED = "it could not be determined from this clip"
-_PIXELS = frozenset(name.value for name in QuantityName if name.value not in QUANTITY_UNITS)
+_PIXEL_NAMES = frozenset(name.value for name in QuantityName if name.value not in QUANTITY_UNITS)
 _NEEDS_METRES = {"m", "m/s", "N s", "J"}
 MAX_LANDING_GAP_S = 0.03
 """s, maximum gap before landing covered by the fitted flight (chosen)."""
@@ -92,7 +92,7 @@ _MIN_SPEED = 1e-3
 """m/s, minimum speed for predicting where the ball leaves the picture (chosen)."""
 _PLASTIC = 1.32471795724474602596
 """Real root of x³ = x + 1: steps of 1/x and 1/x² fill a square evenly (Roberts 2018)."""
-_BACKSWING = "backswing_angle"
+_BACKSWING_NAME = "backswing_angle"
 NO_MOTION = "the motion is neither free flight nor a swing"
 _FEW_PICTURES = (
     "the moving object is seen in only {} pictures, and {} are needed to recognise a flight or a"
@@ -122,10 +122,10 @@ NO_CLOCK = (
     " give it with --fps RATE, or capture_fps in the setup file"
 )
 _OF_GEOMETRY = ("ball_plane_offset", "camera_distance", "landing_distance_on_wall")
-_LANDING = ("landing_distance", "landing_time", "landing_distance_on_wall", "cor_range")
+_LANDING_NAMES = ("landing_distance", "landing_time", "landing_distance_on_wall", "cor_range")
 
 
-_CHECKED = frozenset(
+_CHECKED_QUANTITIES = frozenset(
     {
         *("contact_time", "contact_start", "contact_end", "gravity"),
         *("ball_speed", *OTHER_SPEEDS, "eq7_by_gravity"),
@@ -155,7 +155,7 @@ def needed(wanted: Collection[str] | None) -> frozenset[str]:
     """
     if wanted is None:
         return frozenset(DERIVED)
-    derived = _CHECKED.union(*(_DERIVED_FROM.get(name, frozenset()) for name in wanted))
+    derived = _CHECKED_QUANTITIES.union(*(_DERIVED_FROM.get(name, frozenset()) for name in wanted))
     return (derived | frozenset(wanted)) & frozenset(DERIVED)
 
 
@@ -322,7 +322,7 @@ def _of_this_motion(
             needs = f"it needs a {shown_by}, but {motion_seen(tracks)}"
             item = Quantity.missing(name, unit, needs)
         out[name] = item
-    return out | {name: item for name, item in found.items() if name in _PIXELS}
+    return out | {name: item for name, item in found.items() if name in _PIXEL_NAMES}
 
 
 def _size(evaluated: Evaluated, tracks: Tracks, found: dict[str, Quantity]) -> CheckResult | None:
@@ -461,7 +461,7 @@ def stated_landing_off(evaluated: Evaluated) -> list[Contradiction]:
         f"{found} Landing distance and time and their COR hold only if the point is right: check"
         " --landing-at, or leave it out."
     )
-    affected = frozenset(map(QuantityName, (*_LANDING, QuantityName.COR)))
+    affected = frozenset(map(QuantityName, (*_LANDING_NAMES, QuantityName.COR)))
     return [Contradiction(affected, error, False, statement)]
 
 
@@ -524,7 +524,7 @@ def missing_input(inputs: Inputs, name: str, *, landing_stated: bool = False) ->
         inputs.ball is None or inputs.ball.mass is None
     ):
         return "the mass of the ball is unknown; give it as in --ball '220 mm, 0.35 kg'"
-    if name in _LANDING and inputs.fall is None and not landing_stated:
+    if name in _LANDING_NAMES and inputs.fall is None and not landing_stated:
         return (
             "the height of the support is unknown; set [support] height in the setup file,"
             " or point at the landing with --landing-at"
@@ -561,13 +561,13 @@ def _reasons(evaluated: Evaluated, tracks: Tracks, no_grid: NoScale) -> dict[str
     if scene.calibration is None:
         if not stated:
             landing = f"it needs the wall grid, or --landing-at: {no_grid.reason}"
-            reasons |= dict.fromkeys(_LANDING, landing)
+            reasons |= dict.fromkeys(_LANDING_NAMES, landing)
         wanted = [name for name, unit in DERIVED.items() if unit in _NEEDS_METRES]
         if not math.isfinite(scale_std(scene, tracks)):
             text = f"neither a wall grid nor the ball's size gives a scale ({no_grid.reason})"
-            reasons |= dict.fromkeys([*wanted, "gravity", "launch_angle", *_LANDING], text)
+            reasons |= dict.fromkeys([*wanted, "gravity", "launch_angle", *_LANDING_NAMES], text)
         elif no_grid.contradicts and impact is not None:
-            reasons |= dict.fromkeys([*wanted, *_LANDING], no_grid.reason)
+            reasons |= dict.fromkeys([*wanted, *_LANDING_NAMES], no_grid.reason)
     if impact is not None and not stated:
         landed = evaluated.values[list(DERIVED).index("landing_moment")]
         if np.isfinite(landed) and not _landing_in_view(evaluated, float(landed)):
@@ -576,7 +576,7 @@ def _reasons(evaluated: Evaluated, tracks: Tracks, no_grid: NoScale) -> dict[str
                 f"the ball {ends} at {impact.last_flight_s:.3f} s,"
                 f" {landed - impact.last_flight_s:.3f} s before it lands"
             )
-            reasons |= dict.fromkeys(_LANDING, text)
+            reasons |= dict.fromkeys(_LANDING_NAMES, text)
     return reasons
 
 
@@ -807,7 +807,7 @@ def _backswing(evaluated: Evaluated) -> Quantity:
     """Angle at which the pendulum is released, if that is in view."""
     scene = evaluated.scene
     if evaluated.metric is None:
-        return Quantity.missing(_BACKSWING, "deg", _NOT_BEFORE)
+        return Quantity.missing(_BACKSWING_NAME, "deg", _NOT_BEFORE)
     stiffness = scene.inputs.pendulum_stiffness if scene.rate.known else None
     return release_angle(evaluated.metric, scene.zero_std_rad, stiffness)
 
@@ -830,32 +830,32 @@ def release_angle(metric: MetricTracks, zero_std_rad: float, stiffness: float | 
         Degrees behind the vertical; missing if the motion contradicts it.
     """
     if len(metric.swing_rad) < _AVERAGED_FRAMES:
-        return Quantity.missing(_BACKSWING, "deg", _NOT_BEFORE)
+        return Quantity.missing(_BACKSWING_NAME, "deg", _NOT_BEFORE)
     first = slice(0, _AVERAGED_FRAMES)
     rate = float(np.polyfit(metric.swing_time_s[first], metric.swing_rad[first], 1)[0])
     if abs(rate) > 0.3:
         return Quantity.missing(
-            _BACKSWING, "deg", "the pendulum is already swinging when it enters the picture"
+            _BACKSWING_NAME, "deg", "the pendulum is already swinging when it enters the picture"
         )
     start = float(np.median(metric.swing_rad[first]))
     fastest, angle = _fastest(metric)
     if math.cos(angle) < 0.0:
         return Quantity.missing(
-            _BACKSWING,
+            _BACKSWING_NAME,
             "deg",
             "the tracked object is above its pivot where it is fastest, which no pendulum is: its"
             " arc is too short or too noisy to locate the pivot",
         )
     if stiffness is not None and not _swings_from(start, angle, fastest, stiffness):
         return Quantity.missing(
-            _BACKSWING,
+            _BACKSWING_NAME,
             "deg",
             f"it is first visible at {-math.degrees(start):.1f}°, but its later motion contradicts"
             " a release there: it was released elsewhere, or frames are missing",
         )
     std = math.degrees(float(np.median(metric.swing_std_rad[first])))
     return Quantity.measured(
-        _BACKSWING,
+        _BACKSWING_NAME,
         -math.degrees(start),
         "deg",
         (

@@ -82,10 +82,10 @@ class UncertaintySource(StrEnum):
         Errors of single clips (noise, the camera's position for it) average out over a campaign;
         shared ones do not.
         """
-        return self in _SHARED
+        return self in _SHARED_SOURCES
 
 
-_SHARED = frozenset(
+_SHARED_SOURCES = frozenset(
     {
         UncertaintySource.CAPTURE_RATE,
         UncertaintySource.COR_MEAN,
@@ -185,7 +185,7 @@ class Quantity:
         return self.value is not None
 
 
-_UNITS = {"1": "", "deg": "°"}
+_UNIT_SIGNS = {"1": "", "deg": "°"}
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -258,4 +258,4 @@ def format_pair(value: float, std: float | None) -> tuple[str, str | None]:
 
 def format_unit(unit: str) -> str:
     """Format a unit for readers: nothing for 1, ° for deg, m/s² for m/s^2."""
-    return _UNITS.get(unit, unit.replace("^2", "²"))
+    return _UNIT_SIGNS.get(unit, unit.replace("^2", "²"))

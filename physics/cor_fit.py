@@ -33,8 +33,8 @@ from metrology.least_squares import minimise
 from physics.domain import FloatArray
 
 __all__ = [
-    "KNOTS",
-    "PARAMETERS",
+    "FREE_KNOTS",
+    "LAW_PARAMETERS",
     "AveragedLaw",
     "CorLawFit",
     "CorPoints",
@@ -57,16 +57,16 @@ class LawKind(StrEnum):
     FREE = "free"
 
 
-KNOTS = 9
+FREE_KNOTS = 9
 """Number of knots of the free form, evenly over the speeds (chosen: twice the number of bends that
 the shortest probable length allows)."""
 
-PARAMETERS = {
+LAW_PARAMETERS = {
     LawKind.EXPONENTIAL: ("a", "b", "d"),
     LawKind.POWER: ("a",),
     LawKind.LINEAR: ("d", "k"),
     LawKind.CONSTANT: ("d",),
-    LawKind.FREE: tuple(f"e{i}" for i in range(1, KNOTS + 1)),
+    LawKind.FREE: tuple(f"e{i}" for i in range(1, FREE_KNOTS + 1)),
 }
 """Names in the order of the covariance: exponential e = a exp(−b v) + d, power e = 1 − a v^(1/5),
 linear e = d + k v, constant e = d; free: e at the knots."""
@@ -74,10 +74,10 @@ linear e = d + k v, constant e = d; free: e at the knots."""
 POWER = 0.2
 """Exponent: leading term for visco-elastic spheres (Kuwabara and Kono 1987)."""
 
-_SEED = 20
+_DRAWS_SEED = 20
 """Random seed: any value; fixed so that results repeat."""
 
-_DRAWS = 4000
+_POSTERIOR_DRAWS = 4000
 """Number of posterior draws: sampling adds 1/√(2·4000) = 1 % to a standard uncertainty."""
 
 _TYPICAL_SCATTER, _SCATTER_SPREAD = 0.005, 1.5
@@ -95,15 +95,15 @@ _SLOPE = 0.15
 _POWER_PRIOR = (0.25, 0.25)
 """Mean and standard deviation of the power law's coefficient, (s/m)^(1/5)."""
 
-_RATE = (0.7, 1.3)
+_PRIOR_RATE = (0.7, 1.3)
 """Median of rate times middle speed, and standard deviation of its logarithm: from straight (0.05)
 to decayed before the slowest strike (9) in 95 %."""
 
-_LENGTH = (0.4, 0.4)
+_PRIOR_LENGTH = (0.4, 0.4)
 """Median of the free form's length as a fraction of the range of speeds, and standard deviation of
 its logarithm (chosen: one or two bends over the range)."""
 
-_SIZE = (0.02, 1.0)
+_PRIOR_SIZE = (0.02, 1.0)
 """Median of the free form's departure from a straight line, and standard deviation of its logarithm
 (chosen: probabilities of the test sets insensitive between 0.01 and 0.04)."""
 
@@ -206,7 +206,7 @@ class CorLawFit:
     ----------
     law : LawKind
     parameters : dict of str to Estimate
-        As `PARAMETERS`; b in s/m, k in s/m.
+        As `LAW_PARAMETERS`; b in s/m, k in s/m.
     covariance : (P, P) array
         Of the parameters, in that order, in the directions that change the curve.
     log_evidence : float
@@ -273,12 +273,12 @@ class AveragedLaw:
         total = sum(fit.probability for fit in self.fits)
         for fit in self.fits:
             # draws are equally likely: take a number proportional to the law's probability
-            chosen = np.random.default_rng(_SEED).permutation(len(fit.draws))
+            chosen = np.random.default_rng(_DRAWS_SEED).permutation(len(fit.draws))
             chosen = chosen[: round(fit.probability / total * len(fit.draws))]
             values = curve(fit.law, fit.draws[chosen], np.array([speed]), fit.speeds)[:, 0]
             sigma, tau, lam = fit.scatters[chosen].T
             if new_level:
-                noise = np.random.default_rng(_SEED).standard_normal(len(values))
+                noise = np.random.default_rng(_DRAWS_SEED).standard_normal(len(values))
                 values = values + np.sqrt(tau**2 + lam**2 + sigma**2 / strikes) * noise
             parts.append(values)
         return np.concatenate(parts)
@@ -310,9 +310,9 @@ def curve(
 
 
 def _spline_rows(speed: FloatArray, speeds: tuple[float, float]) -> FloatArray:
-    """Matrix (N, KNOTS) from values at the knots to the natural cubic spline at `speed`."""
-    knots = np.linspace(*speeds, KNOTS)
-    spline = CubicSpline(knots, np.eye(KNOTS), bc_type="natural")
+    """Matrix (N, FREE_KNOTS) from values at the knots to the natural cubic spline at `speed`."""
+    knots = np.linspace(*speeds, FREE_KNOTS)
+    spline = CubicSpline(knots, np.eye(FREE_KNOTS), bc_type="natural")
     inside = np.clip(speed, *speeds)
     return np.asarray(spline(inside) + (speed - inside)[:, None] * spline(inside, 1))
 
@@ -430,22 +430,22 @@ class _Model:
 
     def rate(self, z: FloatArray) -> FloatArray:
         """Rate of the exponential (H,), s/m."""
-        median, spread = _RATE
+        median, spread = _PRIOR_RATE
         exponent = np.clip(z[:, self.scatters], -_MAX_LAW_Z, _MAX_LAW_Z)
         return np.asarray(median * np.exp(spread * exponent) / self.cells.middle)
 
     def _process(self, z: FloatArray) -> FloatArray:
-        """Cholesky factors (H, KNOTS, KNOTS) of the process at the knots."""
+        """Cholesky factors (H, FREE_KNOTS, FREE_KNOTS) of the process at the knots."""
         exponent = np.clip(z[:, self.scatters : self.scatters + 2], -_MAX_LAW_Z, _MAX_LAW_Z)
-        length = _LENGTH[0] * np.exp(_LENGTH[1] * exponent[:, 0])
-        size = _SIZE[0] * np.exp(_SIZE[1] * exponent[:, 1])
-        place = np.linspace(0.0, 1.0, KNOTS)
+        length = _PRIOR_LENGTH[0] * np.exp(_PRIOR_LENGTH[1] * exponent[:, 0])
+        size = _PRIOR_SIZE[0] * np.exp(_PRIOR_SIZE[1] * exponent[:, 1])
+        place = np.linspace(0.0, 1.0, FREE_KNOTS)
         apart = (place[:, None] - place) / length[:, None, None]
-        kernel = np.exp(-0.5 * apart**2) + 1e-6 * np.eye(KNOTS)
+        kernel = np.exp(-0.5 * apart**2) + 1e-6 * np.eye(FREE_KNOTS)
         return np.asarray(size[:, None, None] * np.linalg.cholesky(kernel))
 
     def parameters(self, z: FloatArray, coefficients: FloatArray) -> FloatArray:
-        """Parameters (H, P) of `PARAMETERS` from coefficients (H, P)."""
+        """Parameters (H, P) of `LAW_PARAMETERS` from coefficients (H, P)."""
         middle = self.cells.middle
         if self.law is LawKind.POWER:
             return np.asarray(_POWER_PRIOR[0] + _POWER_PRIOR[1] * coefficients[:, :1])
@@ -462,8 +462,8 @@ class _Model:
         slope = change / middle
         if self.law is LawKind.LINEAR:
             return np.concatenate([value - slope * middle, slope], axis=1)
-        knots = np.linspace(*self.cells.speeds, KNOTS)
-        bent = (self._process(z) @ coefficients[:, 2 : 2 + KNOTS, None])[..., 0]
+        knots = np.linspace(*self.cells.speeds, FREE_KNOTS)
+        bent = (self._process(z) @ coefficients[:, 2 : 2 + FREE_KNOTS, None])[..., 0]
         return np.asarray(value + slope * (knots - middle) + bent)
 
     def solved(self, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -616,24 +616,24 @@ def fit_cor_laws(points: CorPoints, *, strike_scatter: bool = True) -> tuple[Cor
 
 def _fit(model: _Model) -> CorLawFit | None:
     """Posterior of one law; None for a free form that is monotone in no draw."""
-    rng = np.random.default_rng(_SEED)
+    rng = np.random.default_rng(_DRAWS_SEED)
     samples = _sampled(model.log_likelihood, model.size, rng)
-    chosen = rng.choice(len(samples.z), _DRAWS, p=samples.weights)
+    chosen = rng.choice(len(samples.z), _POSTERIOR_DRAWS, p=samples.weights)
     draws, scatters = model.drawn(samples.z[chosen], rng), model.scatter(samples.z[chosen])
     evidence = samples.log_evidence
     if model.law is LawKind.FREE:
         kept = _monotone(draws, model.cells.speeds)
-        prior = rng.standard_normal((_DRAWS, model.size))
-        size = 2 + KNOTS
-        unknowing = model.parameters(prior, rng.standard_normal((_DRAWS, size)))
+        prior = rng.standard_normal((_POSTERIOR_DRAWS, model.size))
+        size = 2 + FREE_KNOTS
+        unknowing = model.parameters(prior, rng.standard_normal((_POSTERIOR_DRAWS, size)))
         if not kept.any():
             return None
         evidence += math.log(kept.mean() / _monotone(unknowing, model.cells.speeds).mean())
         # repeat the monotone draws, so that every law has equally many
-        repeated = rng.choice(np.flatnonzero(kept), _DRAWS)
+        repeated = rng.choice(np.flatnonzero(kept), _POSTERIOR_DRAWS)
         draws, scatters = draws[repeated], scatters[repeated]
     values, covariance = _central(model.law, draws, model.cells.speeds)
-    names = PARAMETERS[model.law]
+    names = LAW_PARAMETERS[model.law]
     return CorLawFit(
         law=model.law,
         parameters={
@@ -708,7 +708,7 @@ class LackOfFit:
     reason: str | None = None
 
 
-_RATES = 200
+_GRID_RATES = 200
 """Number of rates tried for the least-squares exponential: 3 % apart."""
 
 
@@ -726,7 +726,7 @@ def lack_of_fit(law: LawKind, points: CorPoints) -> LackOfFit:
     names, level = np.unique(points.level, return_inverse=True)
     level = level.ravel()
     count = np.bincount(level)
-    within, between = len(level) - len(names), len(names) - len(PARAMETERS[law])
+    within, between = len(level) - len(names), len(names) - len(LAW_PARAMETERS[law])
     if within < 1:
         return LackOfFit(None, reason="every level has one row: nothing is repeated")
     if between < 1:
@@ -752,7 +752,7 @@ def _residuals(law: LawKind, points: CorPoints) -> list[FloatArray]:
         return [points.cor - points.cor.mean()]
     if law is LawKind.LINEAR:
         return [_left(points.cor, np.column_stack([ones, speed]))]
-    rates = np.geomspace(0.02, 10.0, _RATES) / (0.5 * (speed.min() + speed.max()))
+    rates = np.geomspace(0.02, 10.0, _GRID_RATES) / (0.5 * (speed.min() + speed.max()))
     return [_left(points.cor, np.column_stack([ones, np.exp(-r * speed)])) for r in rates]
 
 

@@ -362,7 +362,7 @@ def _land(
     return since + fall, there
 
 
-_STEP_S, _MIN_STEP_S = 0.05, 1e-6
+_STEP_S, _MIN_FLIGHT_STEP_S = 0.05, 1e-6
 """Runge–Kutta step and its minimum, s (measured: a ball that drag slows by a tenth per second is
 accurate to 1e-8 m)."""
 
@@ -441,7 +441,7 @@ def flown(flights: FloatArray, elapsed: FloatArray) -> FloatArray:
     for n in range(len(elapsed)):
         earliest, latest = min(earliest, elapsed[n]), max(latest, elapsed[n])
     for back in (True, False):
-        until = min(earliest, -_MIN_STEP_S) if back else max(latest, _MIN_STEP_S)
+        until = min(earliest, -_MIN_FLIGHT_STEP_S) if back else max(latest, _MIN_FLIGHT_STEP_S)
         steps = math.ceil(abs(until) / _STEP_S)
         states, slopes = np.empty((steps + 1, 4)), np.empty((steps + 1, 4))
         for row in range(len(flights)):
@@ -455,8 +455,8 @@ def flown(flights: FloatArray, elapsed: FloatArray) -> FloatArray:
 @compiled
 def time_of_fall(flight: FloatArray, height: float, longest: float) -> float:
     """Time after which a flight (7,) comes down to a height (m), s; NaN if not within `longest`."""
-    steps = math.ceil(max(longest, _MIN_STEP_S) / _STEP_S)
-    step = max(longest, _MIN_STEP_S) / steps
+    steps = math.ceil(max(longest, _MIN_FLIGHT_STEP_S) / _STEP_S)
+    step = max(longest, _MIN_FLIGHT_STEP_S) / steps
     states, slopes = np.empty((steps + 1, 4)), np.empty((steps + 1, 4))
     _march(flight, step, states, slopes)
     here = np.empty(4)

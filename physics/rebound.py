@@ -16,10 +16,10 @@ from physics.domain import FloatArray
 
 __all__ = ["FallingBall"]
 
-_STEPS = 2000
+_REBOUND_STEPS = 2000
 """Steps of the integration: the speed of a table-tennis ball changes by less than 1e-6 beyond."""
 
-_MARGIN = 1.5
+_FLIGHT_MARGIN = 1.5
 """Factor by which the table exceeds the time of free fall from the largest height."""
 
 
@@ -58,14 +58,14 @@ class FallingBall:
 
     def _from_apex(self, sign: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Times, speeds and heights below the apex; sign −1 falling, +1 rising (in reverse)."""
-        step = _MARGIN * self.longest / _STEPS
-        speed = np.zeros(_STEPS + 1)
-        height = np.zeros(_STEPS + 1)
+        step = _FLIGHT_MARGIN * self.longest / _REBOUND_STEPS
+        speed = np.zeros(_REBOUND_STEPS + 1)
+        height = np.zeros(_REBOUND_STEPS + 1)
 
         def slope(v: float) -> float:
             return self.gravity + sign * self._deceleration(v)
 
-        for i in range(_STEPS):
+        for i in range(_REBOUND_STEPS):
             v = speed[i]
             k1 = slope(v)
             k2 = slope(v + 0.5 * step * k1)
@@ -73,7 +73,7 @@ class FallingBall:
             k4 = slope(v + step * k3)
             speed[i + 1] = v + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
             height[i + 1] = height[i] + step * (v + step / 6.0 * (k1 + k2 + k3))
-        times: FloatArray = np.linspace(0.0, step * _STEPS, _STEPS + 1)
+        times: FloatArray = np.linspace(0.0, step * _REBOUND_STEPS, _REBOUND_STEPS + 1)
         return times, speed, height
 
     @cached_property

@@ -181,7 +181,7 @@ _VARIABLE = "v"
 
 """Name of the impact speed in the text of a law."""
 
-_ARGUMENTS = {"min": 2, "max": 2}
+_FUNCTION_ARGUMENTS = {"min": 2, "max": 2}
 
 """Number of arguments of a function in a law; one if not listed."""
 
@@ -264,7 +264,7 @@ def _check(node: ast.expr, text: str) -> None:
         case ast.UnaryOp(op=op, operand=operand) if type(op) in _OPERATORS:
             _check(operand, text)
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _FUNCTIONS:
-            wanted = _ARGUMENTS.get(name, 1)
+            wanted = _FUNCTION_ARGUMENTS.get(name, 1)
             if len(arguments) != wanted:
                 raise _bad_law(text, f"{name} takes {wanted} argument(s)")
             for argument in arguments:

@@ -789,13 +789,13 @@ _EXCHANGED = {
 }
 """Pairs of columns that are exchanged if e is above 1 in every row."""
 
-_WORDS = frozenset(word for words in _NAMES.values() for word in words.split())
+_COLUMN_WORDS = frozenset(word for words in _NAMES.values() for word in words.split())
 
 
 def _bare(name: str) -> str:
     """A column's name without its unit."""
     plain = plain_name(name)
-    if plain in _WORDS:  # v_in is no length in inches
+    if plain in _COLUMN_WORDS:  # v_in is no length in inches
         return plain
     for suffix in (_SPEED_SUFFIX, _LENGTH_SUFFIX):
         cut = suffix.sub("", plain)
@@ -815,7 +815,7 @@ def _unit(head: str, default: str) -> str:
     if speed is not None:
         return f"{speed[1]}/{speed[2]}"
     bracketed = "(" in head or "[" in head or "/" in head
-    return (unit_of(head) if bracketed or plain not in _WORDS else None) or default
+    return (unit_of(head) if bracketed or plain not in _COLUMN_WORDS else None) or default
 
 
 _TableArgument = Annotated[

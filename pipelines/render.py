@@ -23,7 +23,7 @@ from pipelines.model import (
 )
 from pipelines.terminal import screen
 from sample_videos import Encoding, Physics, Scene, Shake, Shot, Truth, render_clip, strike
-from sample_videos.render import SUFFIXES
+from sample_videos.render import SUFFIXES_OF
 from sample_videos.shot import View, default_scene
 from sample_videos.truth import truth_path
 
@@ -115,9 +115,9 @@ def planned_scene(setup: Setup, options: RenderOptions) -> tuple[Scene, Shot]:
     """
     if options.view not in VIEWS:
         raise UsageError(f"there is no view {options.view!r}", hint=f"One of {', '.join(VIEWS)}.")
-    if options.codec not in SUFFIXES:
+    if options.codec not in SUFFIXES_OF:
         raise UsageError(
-            f"there is no codec {options.codec!r}", hint=f"One of {', '.join(SUFFIXES)}."
+            f"there is no codec {options.codec!r}", hint=f"One of {', '.join(SUFFIXES_OF)}."
         )
     scene = _scene(setup, options, 2.6)
     shot = strike(scene, _physics(setup, options))

@@ -26,17 +26,17 @@ __all__ = [
 MIN_WIDTH_COLUMNS = 40
 """Minimum terminal width for a table, columns (chosen; some shells report COLUMNS=0)."""
 
-_SHOWN = {code: f"\\x{code:02x}" for code in (*range(32), 127, *range(128, 160))}
+_SHOWN_CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), 127, *range(128, 160))}
 
 for _kept in "\n\t":
-    del _SHOWN[ord(_kept)]
+    del _SHOWN_CONTROLS[ord(_kept)]
 
 
 class _Screen(Console):
     """A console that shows control characters of names and files as escapes."""
 
     def render_str(self, text: str, **how: Any) -> Text:
-        shown = text.translate(_SHOWN).encode("utf-8", "backslashreplace").decode()
+        shown = text.translate(_SHOWN_CONTROLS).encode("utf-8", "backslashreplace").decode()
         return super().render_str(shown, **how)
 
 
@@ -98,7 +98,7 @@ def announce_page(address: str, *, browser: bool, otherwise: str = "") -> None:
     sys.stdout.flush()
 
 
-_NUMBER = re.compile(r"\d+(?:\.\d+)?")
+_SHOWN_NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
 def counted(warnings: Sequence[Iterable[str]]) -> list[str]:
@@ -114,7 +114,7 @@ def counted(warnings: Sequence[Iterable[str]]) -> list[str]:
     clips: Counter[str] = Counter()
     example: dict[str, str] = {}
     for one in warnings:
-        shapes = {_NUMBER.sub("#", text): text for text in one}
+        shapes = {_SHOWN_NUMBER.sub("#", text): text for text in one}
         clips.update(shapes.keys())
         example = shapes | example
     of = len(warnings)

@@ -20,11 +20,11 @@ from sample_videos.scene import Encoding, Scene
 from sample_videos.shot import SceneMotion, Shot
 from sample_videos.truth import Truth, film_truth, write_truth
 
-__all__ = ["REPEATABLE", "SUFFIXES", "render_clip", "render_frames", "write_clip"]
+__all__ = ["REPEATABLE", "SUFFIXES_OF", "render_clip", "render_frames", "write_clip"]
 
 Picture = NDArray[np.uint8]
 
-SUFFIXES = {
+SUFFIXES_OF = {
     "h264": (".mp4", ".mov", ".mkv"),
     "mjpeg": (".avi", ".mov", ".mkv"),
     "ffv1": (".mkv", ".avi"),
@@ -33,7 +33,7 @@ SUFFIXES = {
 
 """File names that each codec may have; a folder of pictures has none."""
 
-FORMATS = {"h264": "yuv420p", "mjpeg": "yuvj420p", "ffv1": "bgr0"}
+PIXEL_FORMATS = {"h264": "yuv420p", "mjpeg": "yuvj420p", "ffv1": "bgr0"}
 
 # x264's AVX-512 code gives another clip at every run, of the same pictures and on one thread; the
 # code for SSE4.2, which NumPy asks of a processor anyhow, gives what AVX2's gives, every time
@@ -49,8 +49,8 @@ def write_clip(frames: Iterable[Picture], path: Path, encoding: Encoding) -> Non
         If the name does not go with the codec, the size can't be encoded, or the place can't be
         written to.
     """
-    if path.suffix.lower() not in SUFFIXES[encoding.codec]:
-        wanted = ", ".join(SUFFIXES[encoding.codec]) if encoding.codec != "png" else "no suffix"
+    if path.suffix.lower() not in SUFFIXES_OF[encoding.codec]:
+        wanted = ", ".join(SUFFIXES_OF[encoding.codec]) if encoding.codec != "png" else "no suffix"
         raise UsageError(
             f"{path.name} does not go with the codec {encoding.codec}",
             hint=f"Use {wanted}.",
@@ -64,7 +64,7 @@ def write_clip(frames: Iterable[Picture], path: Path, encoding: Encoding) -> Non
 
 def _write_video(frames: Iterable[Picture], path: Path, encoding: Encoding) -> None:
     rate = Fraction(encoding.container_fps).limit_denominator(1001)
-    pixel = FORMATS[encoding.codec]
+    pixel = PIXEL_FORMATS[encoding.codec]
     with av.open(str(path), "w") as container:
         stream = None
         for index, picture in enumerate(frames):
@@ -102,7 +102,7 @@ def _converted(picture: Picture, codec: str) -> av.VideoFrame:
         # the scaler in FFmpeg cuts luma off where this one rounds: half a gray level on the mean
         planes = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2YUV_I420), dtype=np.uint8)
         return av.VideoFrame.from_ndarray(planes, format="yuv420p")
-    return av.VideoFrame.from_ndarray(picture, format="bgr24").reformat(format=FORMATS[codec])
+    return av.VideoFrame.from_ndarray(picture, format="bgr24").reformat(format=PIXEL_FORMATS[codec])
 
 
 def _write_folder(frames: Iterable[Picture], path: Path) -> None:

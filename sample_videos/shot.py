@@ -21,7 +21,7 @@ from physics.swing import SwingModel, SwingPath, swing, swing_on
 from sample_videos.scene import BallLook, Encoding, Room, Scene, Sensor, Shutter
 
 __all__ = [
-    "LOOKS",
+    "BALL_LOOKS",
     "HermiteCurve",
     "Physics",
     "Piece",
@@ -399,7 +399,7 @@ def _follow_through(scene: Scene, physics: Physics, contact: ContactHistory) -> 
 
 View = Literal["landing", "impact", "oblique"]
 
-LOOKS = {
+BALL_LOOKS = {
     "jokku": BallLook(),
     "basketball": BallLook("basketball", (0.68, 0.24, 0.055), (0.03, 0.025, 0.025), gloss=0.06),
 }
@@ -411,7 +411,7 @@ SIDE_M = 0.28
 
 def look_of(ball: Ball) -> BallLook:
     """How a ball is painted: its own way if it is one of the paper's, with dark patches if not."""
-    return LOOKS.get(ball.name, LOOKS["jokku"])
+    return BALL_LOOKS.get(ball.name, BALL_LOOKS["jokku"])
 
 
 def default_scene(

@@ -101,7 +101,7 @@ def _icosahedron() -> FloatArray:
     return np.asarray(np.array(rows) / np.hypot(1.0, golden))
 
 
-CORNERS = _icosahedron()
+BALL_CORNERS = _icosahedron()
 
 
 def ball_reflectance(normal: FloatArray, footprint: FloatArray, look: BallLook) -> FloatArray:
@@ -118,7 +118,7 @@ def ball_reflectance(normal: FloatArray, footprint: FloatArray, look: BallLook) 
     if look.pattern == "plain":
         return np.broadcast_to(base, normal.shape).copy()
     if look.pattern == "jokku":
-        nearest = np.arccos(np.clip((normal @ CORNERS.T).max(axis=1), -1.0, 1.0))
+        nearest = np.arccos(np.clip((normal @ BALL_CORNERS.T).max(axis=1), -1.0, 1.0))
         share = np.clip(0.5 + (0.34 - nearest) / footprint, 0.0, 1.0)
         seam = np.zeros_like(share)
     else:

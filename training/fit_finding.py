@@ -28,7 +28,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Table = tuple[FloatArray, int]
 """Features of the tracklets of a recording, and which is right (their number: none)."""
-PARAMETERS = Path("vision/finding/parameters.json")
+PARAMETERS_FILE = Path("vision/finding/parameters.json")
 _ON = 0.4
 """Radii, with one pixel more, within which a detection is of a body."""
 _LONG = {"maxiter": 4000, "maxfev": 4000}
@@ -399,7 +399,7 @@ def main() -> None:
     given = parser.parse_args()
     store = [pickle.loads(path.read_bytes()) for path in sorted(given.store.glob("*.pickle"))]
     train = [one for place, one in enumerate(store) if trains(place, one.name)]
-    known = json.loads(PARAMETERS.read_text("utf-8"))
+    known = json.loads(PARAMETERS_FILE.read_text("utf-8"))
     used = link_parameters()
     fitted, entries = _linking_entries(used, train, given.draws)
     if given.linking != "kept":
@@ -426,7 +426,7 @@ def main() -> None:
     for name, entry in known["selection"].items():
         print(f"{name}: {entry}")
     if given.write:
-        PARAMETERS.write_text(json.dumps(known, indent=2) + "\n", "utf-8")
+        PARAMETERS_FILE.write_text(json.dumps(known, indent=2) + "\n", "utf-8")
 
 
 if __name__ == "__main__":

@@ -97,7 +97,7 @@ CONTRACT_ID = {
 PHASE = {"camera": "measurement"}
 # Drifts with the order of the trials have the phase `across_trials`.
 DRIFTS = frozenset({"aging"})
-CHANNELS = {
+FOREIGN_CHANNELS = {
     "power13": ("along_velocity", "horizontal"),
     "gust": ("along_velocity", "horizontal"),
     "ground_effect": ("vertical", "normal_to_velocity"),
@@ -116,7 +116,7 @@ def _hidden(effect: dict[str, Any], delta_chi2: float, alike: list[str]) -> Hidd
         knob=effect["strength_parameter"],
         amplitude=effect["parameters"][effect["strength_parameter"]],
         constants={},
-        channels=CHANNELS.get(name, ()),
+        channels=FOREIGN_CHANNELS.get(name, ()),
         local=False,
         delta_chi2=delta_chi2,
         alike=tuple(sorted({CONTRACT_ID.get(other, other) for other in alike})),

@@ -100,7 +100,7 @@ def _striker_of(step: str) -> Callable[..., Any]:
     return wrapped
 
 
-STEPS: dict[str, tuple[Any, str, Callable[..., Any]]] = {
+ABLATED_STEPS: dict[str, tuple[Any, str, Callable[..., Any]]] = {
     "small objects at twice the size": (
         following,
         "with_small",
@@ -130,7 +130,7 @@ STEPS: dict[str, tuple[Any, str, Callable[..., Any]]] = {
 @contextmanager
 def without(step: str) -> Iterator[None]:
     """Following without a step."""
-    place, name, substitute = STEPS[step]
+    place, name, substitute = ABLATED_STEPS[step]
     with patch.object(place, name, substitute(getattr(place, name))):
         yield
 
@@ -139,7 +139,7 @@ def without(step: str) -> Iterator[None]:
 def watched(acted: set[str]) -> Iterator[None]:
     """Following with a note of each step that gives another answer than its substitute."""
     with ExitStack() as stack:
-        for step, (place, name, substitute) in STEPS.items():
+        for step, (place, name, substitute) in ABLATED_STEPS.items():
             original = getattr(place, name)
             other = substitute(original)
 
@@ -225,7 +225,7 @@ def of_labs(labs: list[Path]) -> Iterator[dict[str, Any]]:
     """What each step of following moves on labs; yielded after each."""
     right = dict.fromkeys(("kind", "object", "mass"), 0)
     steps: dict[str, Any] = {
-        step: {"acts_in": 0, "better_without": [], "worse_without": []} for step in STEPS
+        step: {"acts_in": 0, "better_without": [], "worse_without": []} for step in ABLATED_STEPS
     }
     for count, lab in enumerate(labs, start=1):
         acted: set[str] = set()

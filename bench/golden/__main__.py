@@ -23,7 +23,7 @@ from typing import Any
 from platformdirs import user_cache_path
 
 from bench.golden.compare import moves, unlisted
-from bench.golden.items import CLIP_PARTS, PARTS, ROOT, Item, items_of
+from bench.golden.items import CLIP_PARTS, GOLDEN_PARTS, ROOT, Item, items_of
 from bench.golden.run import run_item
 from metrology import write_text_whole
 
@@ -149,7 +149,7 @@ def _options() -> argparse.Namespace:
     )
     parser.add_argument("compare", nargs="*", help="compare COMMIT COMMIT: two stored runs")
     parser.add_argument("--quick", action="store_true", help="ten items, at most 3 min of CPU")
-    parser.add_argument("--only", nargs="+", choices=list(PARTS), metavar="PART")
+    parser.add_argument("--only", nargs="+", choices=list(GOLDEN_PARTS), metavar="PART")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--fresh", action="store_true", help="run stored items again")
     parser.add_argument("--from-tracks", metavar="COMMIT", help="measure the tracks of that run")

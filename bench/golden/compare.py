@@ -12,7 +12,7 @@ MAX_MOVE = 0.2
 """Change in stated standard uncertainties up to which a value counts as the same; convention."""
 MAX_PROBABILITY_MOVE = 0.01
 """Change of a probability up to which it counts as the same; convention."""
-FAR = 4.0
+FAR_SIGMAS = 4.0
 """Standard uncertainties from the truth beyond which a value is better withheld; convention."""
 
 Record = Mapping[str, Any]
@@ -145,7 +145,7 @@ def _value_moves(
         judged = Judged.UNKNOWN
         if true is not None:
             # a value far from the truth is better withheld
-            is_far = abs(given["value"] - true) > FAR * (given.get("std") or 0.0)
+            is_far = abs(given["value"] - true) > FAR_SIGMAS * (given.get("std") or 0.0)
             judged = Judged.NEARER if is_far == (new is None) else Judged.FARTHER
     if judged is not None:
         yield Move(key, name, _shown(old), _shown(new), judged)

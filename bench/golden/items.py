@@ -15,7 +15,7 @@ from bench.concealed.foreign import convert, foreign_key
 from bench.real import juggling_mocap, rocket_coast, rod_pendulum
 from bench.rooms import room_case
 
-__all__ = ["CLIP_PARTS", "PARTS", "ClipInput", "Item", "TableInput", "input_of", "items_of"]
+__all__ = ["CLIP_PARTS", "GOLDEN_PARTS", "ClipInput", "Item", "TableInput", "input_of", "items_of"]
 
 ROOT = Path(__file__).parents[2]
 ALTERED = "jokku_90_small"
@@ -37,7 +37,7 @@ CAMPAIGNS = (
     " foreign/49 foreign/52 foreign/56 third/01 third/04 third/05 third/09 third/28 third/36"
     " third/38"
 )
-CLIPS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
+GOLDEN_CLIPS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "balltoss_480p15_tracker.mp4": ({"fps": 15.15}, ("flight",)),
     "balltoss_480p30.mov": ({"fps": 29.97, "scale": "398.7 px/m ± 8 px/m"}, ("flight",)),
     "blue_bob_lowres.mp4": ({"fps": 29.97}, ("swing",)),
@@ -61,7 +61,7 @@ REAL_NAMES: dict[str, tuple[str, ...]] = {
     "three_drops": ("drag",),
 }
 """Real data sets with the effects that are missing; source: their PROVENANCE.md."""
-QUICK = {
+QUICK_ITEMS = {
     "shipped/jokku_90_small",
     "scenes/small_cluttered",
     "rooms/003",
@@ -74,13 +74,13 @@ QUICK = {
     "realdata/encoder_pendulum",
 }
 CLIP_PARTS = ("shipped", "rendered", "scenes", "rooms", "altered", "clips")
-PARTS: dict[str, tuple[str, ...]] = {
+GOLDEN_PARTS: dict[str, tuple[str, ...]] = {
     "shipped": ("basketball_60", "jokku_120", "jokku_90_small"),
     "rendered": tuple(RENDERED.split()),
     "scenes": tuple(SCENES.split()),
     "rooms": tuple(f"{seed:03d}" for seed in ROOMS),
     "altered": tuple(f"{i:02d}" for i, way in enumerate(WAYS) if way.name != TOO_LONG),
-    "clips": tuple(CLIPS),
+    "clips": tuple(GOLDEN_CLIPS),
     "concealed": tuple(CAMPAIGNS.split()),
     "realdata": tuple(REAL_NAMES),
 }
@@ -127,16 +127,16 @@ class TableInput:
 
 def items_of(parts: list[str] | None = None, quick: bool = False) -> Iterator[Item]:
     """The items of the set, or of some parts, or of the quick subset."""
-    for part, names in PARTS.items():
+    for part, names in GOLDEN_PARTS.items():
         for item in (Item(part, name) for name in names):
-            if (not parts or part in parts) and (not quick or item.key in QUICK):
+            if (not parts or part in parts) and (not quick or item.key in QUICK_ITEMS):
                 yield item
 
 
 def input_of(item: Item, scratch: Path) -> ClipInput | TableInput:
     """Find or make the files of an item; made files are written to `scratch`."""
     if item.part == "clips":
-        options, kinds = CLIPS[item.name]
+        options, kinds = GOLDEN_CLIPS[item.name]
         assert item.source is not None
         marked = item.source.parent / "truth" / f"{item.source.stem}.csv"
         # WGS 84: gravity at sea level is 9.780 to 9.832 m/s²

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
 from bench.hostile.case import Case, Kind, named
-from bench.hostile.places import PLACES
+from bench.hostile.places import PLACE_CASES
 from bench.hostile.valid import EFFECT, VALID, clip_of, films
 
 __all__ = [
@@ -66,7 +66,7 @@ effects = ["gravity", "drag"]
 drag_coefficient = 0.47
 """
 
-WORDS = (
+ODD_WORDS = (
     "nan", "inf", "-inf", "-4 m", "1e300", "1e-300", "1e400", "0", "-0", "-1", "50", "abc", "",
     " ", "±", "1 m ± -1 m", "1 m ± nan", "0.5 parsec", "9" * 400, "1/0 s", "(-1)**0.5", "1e5 kg",
     "v", "exp(exp(exp(v)))", "1/(v-2)", "0x10", "1,5", "１２", "\x1b[31m", "=1+1", "../../x",
@@ -79,7 +79,7 @@ LITERALS = (
     "9" * 400, "1979-05-27", "''", '["a", 1]', "0.0", "1e999", '"""x\n"""',
 )  # fmt: skip
 
-words = st.one_of(st.sampled_from(WORDS), st.text(max_size=12))
+words = st.one_of(st.sampled_from(ODD_WORDS), st.text(max_size=12))
 
 
 def bytes_changed(data: bytes, draw: st.DrawFn) -> bytes:
@@ -106,12 +106,12 @@ def _encoded(text: str, draw: st.DrawFn) -> bytes:
     return text.encode(draw(st.sampled_from(encodings)), errors="replace")
 
 
-_NUMBER = re.compile(r"\d+\.?\d*(?:e-?\d+)?")
+_NUMBER_TEXT = re.compile(r"\d+\.?\d*(?:e-?\d+)?")
 
 
 def _with_another_number(line: str, draw: st.DrawFn) -> str:
     """The line with its number multiplied, perhaps with another uncertainty."""
-    found = _NUMBER.search(line)
+    found = _NUMBER_TEXT.search(line)
     if found is None:
         return line
     factor = draw(st.sampled_from((0.0, 1e-6, 1e-3, 0.1, 0.5, 2.0, 10.0, 1e3, 1e6, -1.0)))
@@ -139,7 +139,7 @@ def setups(draw: st.DrawFn) -> bytes:
             case "value" if "=" in lines[at]:
                 lines[at] = f"{key} = {value}"
             case "key":
-                lines[at] = f"{draw(st.sampled_from(WORDS[:12]))} = {value}"
+                lines[at] = f"{draw(st.sampled_from(ODD_WORDS[:12]))} = {value}"
             case "drop":
                 lines[at] = ""
             case "twice":
@@ -170,7 +170,7 @@ def setup_cases(draw: st.DrawFn) -> Case:
     return Case(Kind.SETUP, arguments, {"lab.toml": draw(setups())}, ("o.json",))
 
 
-OPTIONS = {
+OPTIONS_OF = {
     "simulate": (
         "--backswing", "--impact-speed", "--cor", "--ball", "--effect", "--drag", "--setup",
         "--cor-law", "--csv", "--plot",
@@ -189,7 +189,7 @@ OPTIONS = {
     "effects check": (),
     "nothing": (),
 }  # fmt: skip
-NAMES = (
+ODD_PATHS = (
     "lab.toml", "b.csv", "nothing.csv", ".", "/dev/null", "/nowhere/x", "x" * 300, "a\nb.csv",
     "-", "jokku", "magnus:spin=nan", "magnus:spin=1e300", "magnus:", ":=", "drag", "smooth",
     "o.json", "lab.toml/x", "1e300 m/s", "nan deg", "300 deg", "0 m", "1e9 m", "3.2", "64x48",
@@ -197,7 +197,7 @@ NAMES = (
 )  # fmt: skip
 
 
-NUMBERS = (
+ODD_NUMBERS = (
     "0", "1e-9", "0.001", "0.05", "1", "10", "99", "1000", "1e6", "-1", "2.5 m", "3 km/h", "5 deg",
     "1 rad", "179.9 deg", "180 deg", "1 m/s ± 1 m/s", "0.0001 m/s", "smooth", "variable",
     "0.99 - 0.3*v", "drag:drag_coefficient=1e6", "magnus:spin=-1e6", "magnus:spin=0.001",
@@ -218,7 +218,7 @@ def nearly_right_cases(draw: st.DrawFn) -> Case:
         given_values = {"--target-cor-std": "0.01"}
     for _ in range(draw(st.integers(1, 2))):
         given_values[draw(st.sampled_from([*given_values, *options]))] = draw(
-            st.sampled_from(NUMBERS)
+            st.sampled_from(ODD_NUMBERS)
         )
     head = ["plan", "campaign"] if "campaign" in command else [name]
     pairs = [part for pair in given_values.items() for part in pair]
@@ -232,11 +232,11 @@ def argument_cases(draw: st.DrawFn) -> Case:
     """A command with random options and values, mostly invalid."""
     if draw(st.booleans()):
         return draw(nearly_right_cases())
-    command = draw(st.sampled_from([*OPTIONS]))
-    values = st.sampled_from(NAMES) | words.filter(lambda word: "\x00" not in word)
+    command = draw(st.sampled_from([*OPTIONS_OF]))
+    values = st.sampled_from(ODD_PATHS) | words.filter(lambda word: "\x00" not in word)
     given_values = [
         part
-        for option in draw(st.lists(st.sampled_from(OPTIONS[command] or ("--x",)), max_size=3))
+        for option in draw(st.lists(st.sampled_from(OPTIONS_OF[command] or ("--x",)), max_size=3))
         for part in (option, draw(values))
     ]
     arguments = [*command.split(), *given_values, *draw(st.lists(values, max_size=2))]
@@ -455,7 +455,7 @@ def lab_book_cases(draw: st.DrawFn) -> Case:
     return Case(Kind.LAB_BOOK, arguments, files, ("out",))
 
 
-CLIPS = (
+MADE_CLIPS = (
     ("a.mp4", (96, 64), 40),
     ("long.mp4", (160, 96), 90),
     ("b.avi", (96, 64), 24),
@@ -470,7 +470,7 @@ CLIPS = (
 @st.composite
 def clip_cases(draw: st.DrawFn) -> Case:
     """A small clip, unchanged, with changed bytes, or with another file name."""
-    name, size, frames = draw(st.sampled_from(CLIPS))
+    name, size, frames = draw(st.sampled_from(MADE_CLIPS))
     data = clip_of(Path(name).suffix, size, frames, frames)
     how = draw(st.integers(0, 5))
     if how > 1:
@@ -537,7 +537,7 @@ STRATEGIES: dict[Kind, tuple[Callable[[], st.SearchStrategy[Case]], int]] = {
     Kind.TABLE: (table_cases, 8),
     Kind.CLIP: (clip_cases, 8),
     Kind.EFFECTS: (effect_cases, 4),
-    **PLACES,
+    **PLACE_CASES,
 }
 """Strategy of each kind and number of cases in a round: fast ones more often."""
 

@@ -36,7 +36,7 @@ from PIL import Image
 from bench.hostile.case import load_commands, start
 from bench.hostile.damaged import LAWS, SETUP, sound_tracks, table_text
 
-__all__ = ["COMMANDS", "Kills", "Writer", "complete", "killed_at_random"]
+__all__ = ["WRITERS", "Kills", "Writer", "complete", "killed_at_random"]
 
 MAX_ORPHAN_S = 5.0
 """Time within which processes end after the one that started them, s; convention."""
@@ -51,7 +51,7 @@ def _ends_with(mark: bytes) -> Callable[[bytes], object]:
     return lambda data: data.rstrip().rindex(mark, len(data.rstrip()) - len(mark))
 
 
-_READERS: dict[str, Callable[[bytes], object]] = {
+_FILE_READERS: dict[str, Callable[[bytes], object]] = {
     ".json": json.loads,
     ".csv": lambda data: pd.read_csv(io.BytesIO(data)),
     ".toml": lambda data: tomllib.loads(data.decode()),
@@ -68,7 +68,7 @@ _READERS: dict[str, Callable[[bytes], object]] = {
 def complete(name: str, data: bytes) -> bool:
     """Whether a file can be read to its end."""
     try:
-        _READERS[Path(name).suffix](data)
+        _FILE_READERS[Path(name).suffix](data)
     except Exception:
         return False
     return True
@@ -145,7 +145,7 @@ def _campaign_of_the_page() -> None:
     sys.exit(session.problem or 0)
 
 
-COMMANDS = {
+WRITERS = {
     "simulate": Writer(
         "simulate --impact-speed 2.5 --setup lab.toml --json o.json --csv o.csv --plot o.png",
         _setup,
@@ -271,7 +271,7 @@ def main() -> None:
     """Kill, check, print."""
     parser = argparse.ArgumentParser(prog="python -m bench.hostile.kills", description=__doc__)
     parser.add_argument("--moments", type=int, default=20)
-    parser.add_argument("--commands", nargs="+", choices=[*COMMANDS], default=[*COMMANDS])
+    parser.add_argument("--commands", nargs="+", choices=[*WRITERS], default=[*WRITERS])
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
@@ -283,7 +283,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory(prefix="kills-") as folder:
             os.environ["IMPACT_VISION_CACHE"] = str(Path(folder) / "cache")
             every[name] = killed_at_random(
-                COMMANDS[name], asked.moments, asked.seed, Path(folder) / "at"
+                WRITERS[name], asked.moments, asked.seed, Path(folder) / "at"
             )
         print("| " + " | ".join(row(name, every[name])) + " |", flush=True)
         if asked.json is not None:

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-__all__ = ["CLIP", "LAB", "MISTAKES", "Mistake"]
+__all__ = ["BASE_CLIP", "LAB", "MISTAKES", "Mistake"]
 
-_SHARED = Path(os.environ.get("IMPACT_VISION_SHARED", "../shared")).resolve() / "inputs"
+_HOSTILE_SHARED = Path(os.environ.get("IMPACT_VISION_SHARED", "../shared")).resolve() / "inputs"
 
-CLIP, LAB = _SHARED / "base_strike.mkv", _SHARED / "lab.toml"
+BASE_CLIP, LAB = _HOSTILE_SHARED / "base_strike.mkv", _HOSTILE_SHARED / "lab.toml"
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
-from bench.hostile.made import CLIP, LAB, MISTAKES, Mistake
+from bench.hostile.made import BASE_CLIP, LAB, MISTAKES, Mistake
 from pipelines.cli import app
 
 __all__ = ["Outcome", "message_of", "outcome_of", "page"]
@@ -67,7 +67,7 @@ def outcome_of(mistake: Mistake) -> Outcome:
         try:
             for name, text in mistake.files.items():
                 (folder / name).write_text(text, encoding="utf-8")
-            words = [word.format(clip=CLIP, lab=LAB) for word in mistake.words]
+            words = [word.format(clip=BASE_CLIP, lab=LAB) for word in mistake.words]
             ran = CliRunner().invoke(app, words)
             message = message_of(ran.stderr, ran.exit_code)
             named = re.search(mistake.cause, message, re.IGNORECASE) is not None
@@ -77,7 +77,7 @@ def outcome_of(mistake: Mistake) -> Outcome:
         finally:
             os.chdir(before)
     command = shlex.join(["vision", *mistake.words]).replace("'{clip}'", "strike.mkv")
-    for place in (str(CLIP.parent), str(folder)):
+    for place in (str(BASE_CLIP.parent), str(folder)):
         message = message.replace(f"{place}/", "")
     return Outcome(mistake, command.replace("'{lab}'", "lab.toml"), message, named, cured)
 
@@ -107,7 +107,7 @@ def _pasted(mistake: Mistake, words: Sequence[str], message: str, folder: Path) 
     return ran.exit_code == 0 and "Likely cause" not in ran.output
 
 
-_SHOWN = 260
+_SHOWN_CHARACTERS = 260
 """Characters of a message on the page."""
 
 
@@ -128,7 +128,7 @@ def page(outcomes: Sequence[Outcome]) -> str:
     for kind in kinds:
         lines += ["", f"## {kind}", "", "| mistake | message | named | cure |", "|---|---|---|---|"]
         for one in (one for one in outcomes if one.mistake.kind == kind):
-            said = textwrap.shorten(one.message, _SHOWN, placeholder=" …")
+            said = textwrap.shorten(one.message, _SHOWN_CHARACTERS, placeholder=" …")
             cells = (one.mistake.name, f"`{one.command}`: {said}")
             shown = " | ".join(cell.replace("|", "\\|").replace("<", "&lt;") for cell in cells)
             lines.append(f"| {shown} | {_yes(one.named)} | {_yes(one.cured)} |")

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from bench.hostile.case import Case, Kind
 
-__all__ = ["PLACES"]
+__all__ = ["PLACE_CASES"]
 
-NAMES = (
+ODD_NAMES = (
     "\udcff", "a\udcffb", "$HOME", "$(id)", "`id`", "a=b", "=1+1", "\x1b[31mred", "a\x07b", "a\nb",
     "a\rb", "a\tb", "a b", " ", "-x", "--json", "%s%n", "{x}", "[bold]x[/bold]", "[/]", "a'b\"c",
     "*", "?", "~", "é", "球", "e\u0301", "\u202etxt", "\u200b", "x" * 240, "CON", "<b>", "&amp;",
@@ -23,8 +23,8 @@ NAMES = (
 )  # fmt: skip
 """File names without ending that some shell, table, page or terminal treats as more than a name."""
 
-WORDS = ("=1+1", "a\x0bb", "\x1b[2J", "state", "nan", "1e400", "x" * 3000, "<script>", "a\tb", "-",
-         "@SUM(A1)", "é", "\x01", "None", "12 m", "+1", "\u2028", "\ud83d\ude00")  # fmt: skip
+SHEET_WORDS = ("=1+1", "a\x0bb", "\x1b[2J", "state", "nan", "1e400", "x" * 3000, "<script>", "a\tb",
+         "-", "@SUM(A1)", "é", "\x01", "None", "12 m", "+1", "\u2028", "\ud83d\ude00")  # fmt: skip
 """Texts of a lab book."""
 
 HEADS = ("state", "motion", "ball_speed_m_s", "clip_", "error", "=1+1", "remark", "warnings", "cor",
@@ -94,7 +94,7 @@ def name_cases(draw: st.DrawFn) -> Case:
     for number, (key, suffix) in enumerate((inputs | _OUTPUTS).items()):
         if f"{{{key}}}" in line:
             odd = draw(st.integers(0, 1)) == 0
-            names[key] = _named(draw(st.sampled_from(NAMES)) if odd else f"f{number}", suffix)
+            names[key] = _named(draw(st.sampled_from(ODD_NAMES)) if odd else f"f{number}", suffix)
     while len({str(Path(name)) for name in names.values()}) < len(names):
         names = {key: f"f{number}{name}" for number, (key, name) in enumerate(names.items())}
     return _case(Kind.NAMES, line, names, {})
@@ -136,7 +136,7 @@ def _ledger() -> bytes:
         return (Path(folder) / "ledger.sqlite").read_bytes()
 
 
-VALUES = ("NULL", "x'ff00'", "'[]'", "'{}'", "1e400", "-1", "''", "'\x1b[2J'", "'=1+1'",
+LEDGER_VALUES = ("NULL", "x'ff00'", "'[]'", "'{}'", "1e400", "-1", "''", "'\x1b[2J'", "'=1+1'",
           "zeroblob(9)",
           "'running'", "'done'", "'{\"quantities\": {\"cor\": {\"value\": 1e999, \"std\": 0}}}'",
           "9223372036854775807", "'a.mp4'", "char(0)", "char(55296)",
@@ -161,7 +161,7 @@ def _edited(draw: st.DrawFn) -> bytes:
         base = sqlite3.connect(path)
         columns = [row[1] for row in base.execute("PRAGMA table_info(clips)")]
         for _ in range(draw(st.integers(1, 2))):
-            column, value = draw(st.sampled_from(columns)), draw(st.sampled_from(VALUES))
+            column, value = draw(st.sampled_from(columns)), draw(st.sampled_from(LEDGER_VALUES))
             change = f"UPDATE clips SET {column}={value} WHERE rowid={draw(st.integers(1, 2))}"
             try:
                 base.execute(draw(st.sampled_from((change,) * 9 + STATEMENTS)))
@@ -182,9 +182,9 @@ def ledger_cases(draw: st.DrawFn) -> Case:
 
     lines = (_CAMPAIGN, _CAMPAIGN, "campaign status out", "campaign mark out a.mp4 --bad WORD")
     line = draw(st.sampled_from(lines))
-    word = draw(st.sampled_from(WORDS))
+    word = draw(st.sampled_from(SHEET_WORDS))
     heads = draw(st.lists(st.sampled_from(HEADS), max_size=3, unique=True))
-    cells = draw(st.lists(st.sampled_from(WORDS), min_size=len(heads), max_size=len(heads)))
+    cells = draw(st.lists(st.sampled_from(SHEET_WORDS), min_size=len(heads), max_size=len(heads)))
     rows = [["clip", *heads], ["a", *cells], ["b", *("ok" for _ in cells)]]
     text = "\n".join(",".join(row) for row in rows) + "\n"
     how = draw(st.integers(0, 4))
@@ -203,7 +203,7 @@ def ledger_cases(draw: st.DrawFn) -> Case:
     return Case(Kind.LEDGERS, arguments, files, own, cells=plain)
 
 
-PLACES: dict[Kind, tuple[Callable[[], st.SearchStrategy[Case]], int]] = {
+PLACE_CASES: dict[Kind, tuple[Callable[[], st.SearchStrategy[Case]], int]] = {
     Kind.LEDGERS: (ledger_cases, 10),
     Kind.NAMES: (name_cases, 10),
     Kind.PLACES: (place_cases, 10),

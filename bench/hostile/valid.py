@@ -48,7 +48,7 @@ position = "1.7 mm"
 [model.drag]
 drag_coefficient = "0.47 ± 0.1"
 """
-_VALUE = re.compile(r"(= \"?)(\d+\.?\d*)")
+_VALUE_TEXT = re.compile(r"(= \"?)(\d+\.?\d*)")
 _STD = re.compile(r" ± \d+\.?\d* ?[\w^ ]*")
 
 numbers = st.floats(0.0, 1.0, allow_nan=False)
@@ -69,7 +69,7 @@ def _setups(draw: st.DrawFn) -> bytes:
     for line in SETUP.splitlines():
         if "=" in line and "cor =" not in line and draw(st.integers(0, 3)) == 0:
             factor = draw(st.sampled_from((0.3, 0.7, 0.9, 0.99, 1.01, 1.1, 1.5, 3.0)))
-            line = _VALUE.sub(functools.partial(_times, factor), line, count=1)
+            line = _VALUE_TEXT.sub(functools.partial(_times, factor), line, count=1)
         match draw(st.integers(0, 11)):
             case 0 if "=" in line:
                 continue
@@ -289,7 +289,7 @@ covariance = [[{_between(draw, 1e-4, 0.01)}]]
     return Case(Kind.LAWS, arguments, {"cor.toml": text.encode()}, ("o.json",))
 
 
-_FORMATS = {
+_CLIP_FORMATS = {
     ".mp4": ("mp4", "libx264", "yuv420p"),
     ".avi": ("avi", "mjpeg", "yuvj420p"),
     ".mkv": ("matroska", "ffv1", "yuv420p"),
@@ -304,7 +304,7 @@ def clip_of(suffix: str, size: tuple[int, int], frames: int, of: int) -> bytes:
 
     rng = np.random.default_rng(of)
     width, height = size
-    form, codec, pixels = _FORMATS[suffix]
+    form, codec, pixels = _CLIP_FORMATS[suffix]
     ball, struck = rng.uniform(0.05, 0.2) * height, rng.integers(1, max(2, frames - 1))
     back, front, dark = rng.uniform(10, 240, 3)
     speed, gravity = rng.uniform(0.0, 0.05) * width, rng.uniform(0.0, 0.002) * height

@@ -37,7 +37,7 @@ Gray = NDArray[np.uint8]
 SHARED = Path(os.environ.get("IMPACT_VISION_SHARED", "../shared"))
 """Folder of recordings."""
 
-COMPARED = (
+INPUT_QUANTITIES = (
     "ball_speed",
     "launch_angle",
     "contact_time",
@@ -80,7 +80,7 @@ def verdict_of(case: Case, folder: Path, truth: dict[str, dict[str, float]]) -> 
         return "crash", f"{type(problem).__name__}: {problem}"[:160]
     if found is None:
         return "wrong", "read without a word"
-    known = [found.quantity(name) for name in COMPARED if found.quantity(name).known]
+    known = [found.quantity(name) for name in INPUT_QUANTITIES if found.quantity(name).known]
     if not known:
         reasons = dict.fromkeys(one.reason or "" for one in found.quantities)
         text = " ".join([*found.warnings, *reasons])
@@ -201,12 +201,12 @@ def _two_quotes(_: Path) -> None:
     read_sheet(_inputs() / "explain_trials_two_quotes.csv", {})
 
 
-_NAMED = "ball=mass B, pendulum=mass A"
+_RENAMED = "ball=mass B, pendulum=mass A"
 
 CASES = (
     Case("base strike", _clip(lambda p, d: _inputs() / "base_strike.mkv", fps="600")),
     Case("r06 plain t,x,y", _table("r06_plain_txy_metres.csv")),
-    Case("r07 Tracker, uneven", _table("r07_tracker_two_masses_uneven_columns.txt", _NAMED)),
+    Case("r07 Tracker, uneven", _table("r07_tracker_two_masses_uneven_columns.txt", _RENAMED)),
     Case("r08 Tracker, cm", _table("r08_tracker_centimetres.txt")),
     Case("r09 Excel dates", _table("r09_excel_dates.xlsx")),
     Case("r10 Excel days", _table("r10_excel_serial_days.xlsx")),
@@ -214,7 +214,7 @@ CASES = (
     Case("r12 PASCO", _table("r12_pasco_two_head_lines.csv")),
     Case("r13 DeepLabCut", _table("r13_dlc.h5", fps="600", scale="73.4 px/m")),
     Case("r14 Kinovea", _table("r14_kinovea_timeseries.csv")),
-    Case("r15 Tracker", _table("r15_tracker_second_mass_has_more_columns.txt", _NAMED)),
+    Case("r15 Tracker", _table("r15_tracker_second_mass_has_more_columns.txt", _RENAMED)),
     Case("r16 wide table", _table("r16_wide_two_objects.csv")),
     Case(
         "r17 Phantom, 7 pictures",

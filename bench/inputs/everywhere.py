@@ -24,9 +24,9 @@ from pipelines.calibrate.command import find_unattended
 from pipelines.calibrate.session import session_of
 from pipelines.cli import app
 
-__all__ = ["ASKED", "CLIPS", "WRONG", "Lab", "is_same"]
+__all__ = ["ASKED", "CLIP_FOLDER", "WRONG", "Lab", "is_same"]
 
-CLIPS = Path(__file__).parents[2] / "sample_videos" / "clips"
+CLIP_FOLDER = Path(__file__).parents[2] / "sample_videos" / "clips"
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Lab:
     @property
     def path(self) -> Path:
         """The clip."""
-        return CLIPS / self.clip
+        return CLIP_FOLDER / self.clip
 
     def setup(self, folder: Path) -> Path:
         """Write it as a set-up file."""

@@ -27,7 +27,7 @@ from vision.following import follow
 
 __all__ = ["differences_of", "mistakes_of", "outcome", "scene_of"]
 
-RATE_FACTORS, BALL_FACTORS, GRID_FACTORS = (0.1, 0.5, 2.0), (0.5, 1.22, 3.14159), (0.8, 0.5, 2.0)
+RATE_SLIPS, BALL_FACTORS, GRID_FACTORS = (0.1, 0.5, 2.0), (0.5, 1.22, 3.14159), (0.8, 0.5, 2.0)
 TAPE_FACTORS = (0.65, 0.5)
 """Stated over true values: what people enter."""
 
@@ -82,7 +82,7 @@ def mistakes_of(facts: SceneFacts) -> Iterator[tuple[str, float, SceneFacts]]:
     """Key of the wrong input ("" for none), its factor, and the facts with it."""
     yield "", 1.0, facts
     if facts.rate is not None:
-        for factor in RATE_FACTORS:
+        for factor in RATE_SLIPS:
             rate = (factor * facts.rate[0], factor * facts.rate[1])
             yield "rate", factor, replace(facts, rate=rate)
     if facts.ball is not None:

@@ -10,21 +10,21 @@ from numpy.typing import NDArray
 
 from physics.bodies import GRAVITY
 
-__all__ = ["BALL_MM", "FPS", "long_clip", "short_clips"]
+__all__ = ["BALL_MM", "CLIP_FPS", "long_clip", "short_clips"]
 
-FPS = 240
-RADIUS_PX = 9.0
+CLIP_FPS = 240
+DRAWN_RADIUS_PX = 9.0
 
 _FALL_PX = 0.05
 """Half the acceleration, px per frame squared; chosen: 60 frames of fall are 180 px."""
 
-BALL_MM = 1e3 * 2.0 * RADIUS_PX * GRAVITY / (2.0 * _FALL_PX * FPS**2)
-"""Diameter, mm; derived: the ball of `RADIUS_PX` that falls so with gravity."""
+BALL_MM = 1e3 * 2.0 * DRAWN_RADIUS_PX * GRAVITY / (2.0 * _FALL_PX * CLIP_FPS**2)
+"""Diameter, mm; derived: the ball of `DRAWN_RADIUS_PX` that falls so with gravity."""
 
 
 def _write(path: Path, pictures: Iterator[NDArray[np.uint8]], size: tuple[int, int]) -> None:
     with av.open(str(path), "w") as container:
-        stream = container.add_stream("libx264", rate=FPS)
+        stream = container.add_stream("libx264", rate=CLIP_FPS)
         stream.width, stream.height = size
         stream.pix_fmt = "yuv420p"
         stream.options = {"preset": "ultrafast", "crf": "20"}
@@ -37,7 +37,7 @@ def _write(path: Path, pictures: Iterator[NDArray[np.uint8]], size: tuple[int, i
 def _with_ball(ground: NDArray[np.uint8], y: float) -> NDArray[np.uint8]:
     picture = ground.copy()
     at = (round(16 * ground.shape[1] / 2), round(16 * y))
-    return np.asarray(cv2.circle(picture, at, round(16 * RADIUS_PX), 60, -1, cv2.LINE_AA, 4))
+    return np.asarray(cv2.circle(picture, at, round(16 * DRAWN_RADIUS_PX), 60, -1, cv2.LINE_AA, 4))
 
 
 def long_clip(path: Path, frames: int, size: tuple[int, int] = (432, 240)) -> Path:

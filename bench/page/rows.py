@@ -16,7 +16,7 @@ from typing import Any
 
 import psutil
 
-from bench.page.clips import BALL_MM, FPS, long_clip, short_clips
+from bench.page.clips import BALL_MM, CLIP_FPS, long_clip, short_clips
 from bench.page.served import ROOT, App, served
 
 __all__ = ["ROWS", "Row"]
@@ -28,7 +28,7 @@ Row = Callable[[Any, Path], Record]
 SAMPLE = ROOT / "sample_videos" / "clips" / "basketball_60.mp4"
 LESSONS = ROOT / "docs" / "lessons"
 LONG_FRAMES, CAMPAIGN_CLIPS = 20_000, 40
-STEPS = 40
+DRAG_STEPS = 40
 """Frames stepped, and places sought; chosen: their median scatters by less than a tenth."""
 
 _GO = """async ([frames, byKey]) => {
@@ -106,10 +106,10 @@ def long(browser: Any, folder: Path) -> Record:
     with served(browser, folder, str(clip)) as app:
         page = app.page
         page.wait_for_selector("[data-test=stage][data-shown]")
-        places = [(7919 * k + 4001) % LONG_FRAMES for k in range(STEPS)]
+        places = [(7919 * k + 4001) % LONG_FRAMES for k in range(DRAG_STEPS)]
         found: Record = {"seek": _median_and_slow(page.evaluate(_GO, [places, False]))}
         page.evaluate(_GO, [[200], False])
-        steps = page.evaluate(_GO, [[200 + k for k in range(1, STEPS + 1)], True])
+        steps = page.evaluate(_GO, [[200 + k for k in range(1, DRAG_STEPS + 1)], True])
         found["step"] = _median_and_slow(steps)
         session = browser.new_browser_cdp_session()
         known = session.send("SystemInfo.getProcessInfo")["processInfo"]
@@ -182,7 +182,7 @@ def campaign(browser: Any, folder: Path) -> Record:
     names = short_clips(folder / "clips", CAMPAIGN_CLIPS)
     place = str(folder / "clips")
     with served(browser, folder, place) as app:
-        app.page.fill("[data-test=fps]", str(FPS))
+        app.page.fill("[data-test=fps]", str(CLIP_FPS))
         app.page.fill("[data-test=ball]", f"{BALL_MM:.2f} mm")
         app.page.click("[data-test=measure-all]")
         for done in (3, 8):

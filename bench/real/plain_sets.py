@@ -53,7 +53,7 @@ def heights_rows(source: Path, cache: Path, explain: Explain) -> list[Row]:
     return found
 
 
-MADE: tuple[tuple[str, str, str, Write], ...] = (
+MADE_SETS: tuple[tuple[str, str, str, Write], ...] = (
     ("swings on a cart, 200 Hz: dry and quadratic", "3 mrad", "2.1 mrad",
      partial(made.write_swings, made.CART)),
     ("the same at 25 Hz", "3 mrad", "2.1 mrad",
@@ -70,7 +70,7 @@ MADE: tuple[tuple[str, str, str, Write], ...] = (
 def made_rows(cache: Path, explain: Explain) -> list[Row]:
     """One row for each simulated recording."""
     found = []
-    for place, (asked, at_least, aim, write) in enumerate(MADE):
+    for place, (asked, at_least, aim, write) in enumerate(MADE_SETS):
         folder = cache / f"made_{place}"
         write(folder)
         found.append(Row(f"simulated, {asked}", at_least, aim, _measured(folder, explain)))

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 __all__ = ["clip_facts", "clip_findings"]
 
-_FLYING = frozenset(
+_FALLING_MOTIONS = frozenset(
     kind
     for kind in MotionKind
     if kind.value in ("strike", "flight", "drop", "bounce", "collision", "none")
@@ -40,7 +40,7 @@ def clip_facts(followed: "FollowedClip", grid: WallGrid | None) -> SceneFacts:
         frame=followed.clock[ball.frame[rows]],
         centre_px=ball.centre_px[rows],
         radius_px=ball.radius_px[rows] if ball.sized else None,
-        flies=followed.tracks.motion.kind in _FLYING,
+        flies=followed.tracks.motion.kind in _FALLING_MOTIONS,
         rate=(followed.rate.fps, followed.rate.std) if followed.rate.known else None,
         ball=None if diameter is None else (diameter.value, diameter.std),
         scale=followed.scale_m_per_px,

@@ -15,7 +15,7 @@ __all__ = ["SlowPart", "find_slow_part", "repeats_of"]
 
 FloatArray = NDArray[np.float64]
 
-_STEPS = (8, 4)
+_PACE_STEPS = (8, 4)
 """Steps on each side of a jump (chosen: many for noisy steps, few for a short part)."""
 
 _MIN_FACTOR = 1.8
@@ -82,13 +82,13 @@ def find_slow_part(time: FloatArray, place: FloatArray) -> SlowPart | None:
     place : (N, 2) array
     """
     return _frozen(time, place) or next(
-        (one for steps in _STEPS if (one := _slow_part(time, place, steps)) is not None), None
+        (one for steps in _PACE_STEPS if (one := _slow_part(time, place, steps)) is not None), None
     )
 
 
 def _frozen(time: FloatArray, place: FloatArray) -> SlowPart | None:
     """A part in which an object stands still and then goes on as before; a rest begins or ends."""
-    steps = _STEPS[0]
+    steps = _PACE_STEPS[0]
     if len(time) < 4 * steps:
         return None
     velocity = np.diff(place, axis=0) / np.diff(time)[:, None]

@@ -51,25 +51,25 @@ _USUAL_RATIO, _USUAL_RATIO_STD = 0.92, 0.07
 """That ratio as usual, with its relative std (chosen: half a metre in front of a wall 4 to 10 m
 away)."""
 
-_RATES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 150, 180, 200, 240, 250, 300, 400, 420, 480, 500)
+_FPS = (24, 25, 30, 48, 50, 60, 90, 100, 120, 150, 180, 200, 240, 250, 300, 400, 420, 480, 500)
 _USUAL = {
-    "rate": (*map(float, _RATES), 600.0, 720.0, 960.0, 1000.0, 1200.0, 2000.0),
+    "rate": (*map(float, _FPS), 600.0, 720.0, 960.0, 1000.0, 1200.0, 2000.0),
     "grid": (0.005, 0.01, 0.02, 0.025, 0.0254, 0.03, 0.04, 0.05, 0.0508, 0.1, 0.2),
 }
 """Usual values, 1/s and m."""
 
-_SIGMAS, _USUAL_RELATIVE = 2.58, 0.05
+_SIGMA, _USUAL_RELATIVE = 2.58, 0.05
 """Standard deviations (derived: the probability of 1 % at which the rest agrees, `balance`), and
 relative difference or half a standard deviation, within which a usual value is proposed (derived: a
 quarter of the way between usual pitches)."""
 
-_MIN_ROWS = 10
+_MIN_SEEN = 10
 """Rows of a flight that is used (chosen)."""
 
 _MAX_SLANT = 0.35
 """Horizontal over vertical acceleration of a fall (chosen: a camera rolled by 20°)."""
 
-_SLIPS = (
+_ERRORS = (
     (0.5, "it may be the radius"),
     (math.pi, "it may be the circumference"),
     (10.0, "the unit may be cm instead of mm"),
@@ -212,7 +212,7 @@ def upright(facts: SceneFacts) -> SceneFacts:
 
 
 def _unresolved(found: Contradictory, inputs: Sequence[Input], names: Sequence[str]) -> Finding:
-    labels = [_LABELS[one.key] for one in inputs]
+    labels = [_PHRASES[one.key] for one in inputs]
     return Finding(
         "several",
         f"Likely cause: the inputs contradict each other (χ² {found.chi2:.0f} for"
@@ -222,7 +222,7 @@ def _unresolved(found: Contradictory, inputs: Sequence[Input], names: Sequence[s
     )
 
 
-_LABELS = {
+_PHRASES = {
     "rate": "the capture rate (--fps)",
     "ball": "the ball's diameter (--ball)",
     "grid": "the grid's pitch (--wall-grid)",
@@ -232,7 +232,7 @@ _LABELS = {
 
 
 def _fall(facts: SceneFacts) -> Fall | None:
-    if not facts.flies or len(facts.frame) < _MIN_ROWS:
+    if not facts.flies or len(facts.frame) < _MIN_SEEN:
         return None
     fall = find_fall(facts.frame, facts.centre_px)
     if fall is None:
@@ -388,7 +388,7 @@ def _axis_over_normal(grid: WallGrid | None) -> tuple[float, float]:
     return longer, LOG_FOCAL_STD * tangent**2 / longer
 
 
-_USUAL_VALUE, _ANY, _ODD = range(3)
+_USUAL_VALUE, _PLAIN, _ODD = range(3)
 """Ranks of a cure: a usual value, an input without usual values, a value between usual ones."""
 
 
@@ -415,10 +415,8 @@ class _Cure:
 
 def _cure(cause: Cause, facts: SceneFacts) -> _Cure:
     value, usual = _usual(cause)
-    near = [
-        one for one in _USUAL.get(cause.key, ()) if abs(one - cause.value) < _SIGMAS * cause.std
-    ]
-    rank = _USUAL_VALUE if usual else _ODD if cause.key in _USUAL and not near else _ANY
+    near = [one for one in _USUAL.get(cause.key, ()) if abs(one - cause.value) < _SIGMA * cause.std]
+    rank = _USUAL_VALUE if usual else _ODD if cause.key in _USUAL and not near else _PLAIN
     if cause.key == "rate":
         return _made(cause, "the capture rate", "fps", 1.0, f"--fps {value:.6g}", rank)
     if cause.key == "ball":
@@ -454,7 +452,7 @@ def _made(cause: Cause, label: str, unit: str, factor: float, option: str, rank:
     stated = f"{factor * cause.stated:.4g} {unit}".strip()
     fits = f"{format_value(factor * cause.value, factor * cause.std, unit or '1')}"
     ratio = cause.stated / cause.value
-    slips = [text for slip, text in _SLIPS if abs(math.log(ratio / slip)) < _USUAL_RELATIVE]
+    slips = [text for slip, text in _ERRORS if abs(math.log(ratio / slip)) < _USUAL_RELATIVE]
     slip = f" ({slips[0]})" if slips and cause.key == "ball" else ""
     return _Cure(cause, label, stated, fits, option, rank, slip)
 
@@ -464,7 +462,7 @@ def _usual(cause: Cause) -> tuple[float, bool]:
     near = [
         value
         for value in _USUAL.get(cause.key, ())
-        if abs(value - cause.value) < max(_SIGMAS * cause.std, 0.0)
+        if abs(value - cause.value) < max(_SIGMA * cause.std, 0.0)
         and abs(value - cause.value) < max(_USUAL_RELATIVE * cause.value, 0.5 * cause.std)
     ]
     if not near:

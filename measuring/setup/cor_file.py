@@ -35,7 +35,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from measuring.setup.tables import Setup
 from metrology import SetupError, UsageError, parse_toml, read_small_text, write_text_whole
 from physics.bodies import Ball
-from physics.cor_fit import KNOTS, PARAMETERS, CorLawFit, LawKind, curve
+from physics.cor_fit import FREE_KNOTS, LAW_PARAMETERS, CorLawFit, LawKind, curve
 from physics.domain import FloatArray
 from physics.forward import PlanScatter
 from physics.restitution import (
@@ -73,9 +73,9 @@ class FittedLaw:
     ----------
     kind : LawKind
     parameters : mapping of str to float
-        As `PARAMETERS`; b and k in s/m.
+        As `LAW_PARAMETERS`; b and k in s/m.
     covariance : (P, P) array
-        Of the parameters, in the order of `PARAMETERS`.
+        Of the parameters, in the order of `LAW_PARAMETERS`.
     probability : float
         In (0, 1].
     speeds : (2,) tuple of float
@@ -95,7 +95,7 @@ class FittedLaw:
 
     @property
     def _vector(self) -> FloatArray:
-        return np.array([self.parameters[name] for name in PARAMETERS[self.kind]])
+        return np.array([self.parameters[name] for name in LAW_PARAMETERS[self.kind]])
 
     def value_at(self, speed: float) -> float:
         """Coefficient of restitution at an impact speed, m/s, also outside (0, 1]."""
@@ -191,7 +191,7 @@ def _law(kind: LawKind, vector: FloatArray, speeds: tuple[float, float]) -> CorL
 
 def _free_text(vector: FloatArray, speeds: tuple[float, float]) -> str:
     """Formula of the straight lines between the knots; the end slopes continue beyond them."""
-    knots = np.linspace(*speeds, KNOTS)
+    knots = np.linspace(*speeds, FREE_KNOTS)
     slopes = np.diff(vector) / np.diff(knots)
     bends = zip(np.diff(slopes), knots[1:-1], strict=True)
     hinges = " + ".join(f"({bend:.6g})*max(v - {knot:.6g}, 0)" for bend, knot in bends)
@@ -312,7 +312,7 @@ def _ball_law(name: str, table: _BallTable, path: Path) -> BallLaw:
 
 
 def _fitted_law(table: _LawTable, where: str, speeds: tuple[float, float]) -> FittedLaw:
-    wanted = PARAMETERS[table.law]
+    wanted = LAW_PARAMETERS[table.law]
     if set(table.parameters) != set(wanted):
         raise SetupError(
             f"{where}: the {table.law.value} law has the parameters"
@@ -360,7 +360,7 @@ def _law_table(law: FittedLaw) -> dict[str, Any]:
     return {
         "law": law.kind.value,
         "probability": float(law.probability),
-        "parameters": {key: float(law.parameters[key]) for key in PARAMETERS[law.kind]},
+        "parameters": {key: float(law.parameters[key]) for key in LAW_PARAMETERS[law.kind]},
         "covariance": [[float(v) for v in row] for row in law.covariance],
     }
 

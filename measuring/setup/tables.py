@@ -287,7 +287,7 @@ def _hints(function: Callable[..., object]) -> Mapping[str, Any]:
         return {}
 
 
-_NUMBERS = {float: Real, int: Integral, complex: Complex}
+_NUMBER_KINDS = {float: Real, int: Integral, complex: Complex}
 
 
 def _fits(value: object, kind: Any) -> bool:
@@ -309,7 +309,7 @@ def _fits(value: object, kind: Any) -> bool:
         )
     if origin is Mapping:
         return isinstance(value, Mapping) and all(_fits(key, parts[0]) for key in value)
-    plain = _NUMBERS.get(kind, origin or kind)
+    plain = _NUMBER_KINDS.get(kind, origin or kind)
     return not isinstance(plain, type) or plain is object or isinstance(value, plain)
 
 

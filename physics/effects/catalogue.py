@@ -7,9 +7,9 @@ from types import MappingProxyType
 from metrology import UsageError
 from physics.effects.base import Effect, Form
 from physics.effects.flight import (
-    ASIDE,
     SPIN_ACROSS,
-    UPWARD,
+    WIND_ASIDE,
+    WIND_UPWARD,
     AsymmetricWake,
     Buoyancy,
     DensityLapse,
@@ -91,20 +91,20 @@ _ALL: tuple[Effect, ...] = (
     WindOverFloor(),
     Wind(
         form=Form.ALONG_AND_UP,
-        parameters=(*Wind().parameters, UPWARD),
+        parameters=(*Wind().parameters, WIND_UPWARD),
         statement="The air itself moves: a steady draught in the plane, rising or sinking.",
         axes=2,
         planar=True,
     ),
     Wind(
         form=Form.FROM_ANY_SIDE,
-        parameters=(*Wind().parameters, ASIDE),
+        parameters=(*Wind().parameters, WIND_ASIDE),
         statement="The air itself moves: a steady draught from any side.",
         axes=3,
     ),
     Wind(
         form=Form.FROM_ANYWHERE,
-        parameters=(*Wind().parameters, UPWARD, ASIDE),
+        parameters=(*Wind().parameters, WIND_UPWARD, WIND_ASIDE),
         statement="The air itself moves: a steady draught from any side, rising or sinking.",
         axes=3,
     ),

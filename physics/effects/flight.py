@@ -20,9 +20,9 @@ from physics.effects.base import (
 )
 
 __all__ = [
-    "ASIDE",
     "SPIN_ACROSS",
-    "UPWARD",
+    "WIND_ASIDE",
+    "WIND_UPWARD",
     "AsymmetricWake",
     "Buoyancy",
     "CoefficientCurve",
@@ -350,8 +350,8 @@ class SpinDecayBySquare(SpinDecay):
         return share
 
 
-UPWARD = Parameter("wind_y", "m/s", 0.5, -15.0, 15.0, meaning="positive upward")
-ASIDE = Parameter("wind_z", "m/s", 0.5, -15.0, 15.0, meaning="positive along z")
+WIND_UPWARD = Parameter("wind_y", "m/s", 0.5, -15.0, 15.0, meaning="positive upward")
+WIND_ASIDE = Parameter("wind_z", "m/s", 0.5, -15.0, 15.0, meaning="positive along z")
 
 
 @dataclass(frozen=True)

@@ -88,7 +88,7 @@ FURTHER_TERM = Parameter(
 
 PLUMB = "a plumb line in view"
 RULER = "a ruler in the ball's plane, at two places in view"
-CLOCK = "a clock of known rate in view (a blinking LED)"
+CLOCK_CURE = "a clock of known rate in view (a blinking LED)"
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class TimeBase(Effect):
             outliers=WRONG_RATES,
         ),
     )
-    separating: str = CLOCK
+    separating: str = CLOCK_CURE
     looseness: float = 0.02
     levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.SESSION)
     coordinate: Coordinate = Coordinate.TIME
@@ -511,7 +511,7 @@ class DroppedFrames(Effect):
             over=Extent.RECORD_TIME,
         ),
     )
-    separating: str = CLOCK
+    separating: str = CLOCK_CURE
     looseness: float = 0.05
     coordinate: Coordinate = Coordinate.TIME
 

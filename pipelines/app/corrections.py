@@ -54,7 +54,7 @@ END_STD_PX = 1.0
 MIN_STICK_PX = 5.0
 """Length of a stick below which it gives no scale, px (chosen: ± 30 %)."""
 
-_NEAR_RADII = 1.5
+_MARK_RADII = 1.5
 """Distance within which a mark is on a found object, radii of it (chosen)."""
 
 
@@ -429,7 +429,7 @@ def _tracklet_at(table: "pd.DataFrame", mark: ObjectMark) -> int | None:
         return None
     far = np.hypot(rows["x_px"] - mark.x_px, rows["y_px"] - mark.y_px) / rows["radius_px"]
     nearest = int(np.argmin(far))
-    return int(rows["tracklet"].iloc[nearest]) if far.iloc[nearest] <= _NEAR_RADII else None
+    return int(rows["tracklet"].iloc[nearest]) if far.iloc[nearest] <= _MARK_RADII else None
 
 
 def _with_place(table: "pd.DataFrame", mark: ObjectMark) -> "pd.DataFrame":

@@ -59,7 +59,7 @@ class Figure:
     budget: tuple[tuple[str, str, float], ...] = ()
 
 
-_CHECKED = {
+_CONTRADICTED_QUANTITIES = {
     CheckKind.COR_AGREEMENT: ("cor_speeds", "cor_launch", "cor_range", "cor"),
     CheckKind.BALL_SPEEDS: ("ball_speed",),
     CheckKind.CONTACT_BOUND: ("contact_time",),
@@ -135,5 +135,5 @@ def _changes(finding: Finding, unit: str) -> bool:
 
 
 def _contradicts(check: Check, item: Quantity) -> bool:
-    names = _CHECKED.get(check.kind)
+    names = _CONTRADICTED_QUANTITIES.get(check.kind)
     return item.unit not in ("1", "deg") if names is None else item.name in names

@@ -19,7 +19,7 @@ __all__ = ["FrameStore"]
 MAX_SHOWN_WIDTH = 1920
 """Width above which frames are reduced for the page, px (chosen: a large screen)."""
 
-MAX_STORED_BYTES = 2_000_000_000
+MAX_FRAME_BYTES = 2_000_000_000
 """Size of the temporary file at which decoding stops, bytes (chosen: 20,000 frames of 100 kB)."""
 
 MAX_NEAR_FRAMES = 50
@@ -147,7 +147,7 @@ class FrameStore:
             if self._ended:
                 return False
             start = self._file.seek(0, 2)
-            if start + len(content) > MAX_STORED_BYTES:
+            if start + len(content) > MAX_FRAME_BYTES:
                 self.problem = f"Only the first {len(self._places)} frames are shown."
                 return False
             self._file.write(content)

@@ -28,7 +28,7 @@ FloatArray = NDArray[np.float64]
 MAX_POINTS = 1500
 """Points of a series (chosen: more than a graph has pixels); longer ones are thinned."""
 
-COLOURS = ("#e69f00", "#56b4e9", "#009e73", "#cc79a7", "#0072b2", "#d55e00")
+SERIES_COLOURS = ("#e69f00", "#56b4e9", "#009e73", "#cc79a7", "#0072b2", "#d55e00")
 """Convention: palette of Okabe and Ito (2008), distinguishable with any colour vision."""
 
 
@@ -147,7 +147,7 @@ def _equal_spans(series: tuple[dict[str, Any], ...]) -> tuple[dict[str, Any], di
 
 
 def _points(name: str, rows: list[list[float]], place: int) -> dict[str, Any]:
-    colour = COLOURS[place % len(COLOURS)]
+    colour = SERIES_COLOURS[place % len(SERIES_COLOURS)]
     return {
         "name": name,
         "type": "scatter",
@@ -163,8 +163,8 @@ def _line(curve: Curve, place: int, scale: float = 1.0) -> dict[str, Any]:
         "type": "line",
         "showSymbol": False,
         "silent": True,
-        "lineStyle": {"color": COLOURS[place % len(COLOURS)], "width": 1.5},
-        "itemStyle": {"color": COLOURS[place % len(COLOURS)]},
+        "lineStyle": {"color": SERIES_COLOURS[place % len(SERIES_COLOURS)], "width": 1.5},
+        "itemStyle": {"color": SERIES_COLOURS[place % len(SERIES_COLOURS)]},
         "data": _rows(curve.x, scale * curve.y),
     }
 

@@ -406,7 +406,7 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "not_saved": ("The corrections are not saved: {why}", "Nicht gespeichert: {why}"),
 }
 
-_LABELS = {
+_GERMAN_LABELS = {
     "contact_frames": "Bilder mit Kontakt",
     "contact_time": "Kontaktzeit Δt",
     "contact_start": "Kontakt beginnt",
@@ -435,7 +435,7 @@ _LABELS = {
 }
 
 
-_HINTS = {
+_QUANTITY_HINTS = {
     "contact_frames": (
         "Frames in which ball and pendulum touch",
         "Bilder, in denen sich Ball und Pendel berühren",
@@ -492,7 +492,7 @@ _HINTS = {
 def hint_of(name: str, language: str) -> str:
     """Explanation of a quantity; empty if its label says it all."""
     plain = name.removesuffix("_px")
-    known = _HINTS.get(plain) or _HINTS.get(plain.partition("_")[0])
+    known = _QUANTITY_HINTS.get(plain) or _QUANTITY_HINTS.get(plain.partition("_")[0])
     return "" if known is None else known[list(LANGUAGES).index(language)]
 
 
@@ -514,11 +514,11 @@ def says(language: str) -> Say:
 
 def label_of(name: str, language: str) -> str:
     """Label of a quantity."""
-    own = _LABELS.get(name.removesuffix("_px")) if language == "de" else None
+    own = _GERMAN_LABELS.get(name.removesuffix("_px")) if language == "de" else None
     return own or quantity_label(name)
 
 
-_PLACES = {
+_FIELD_KEYS = {
     "fps": "fps",
     "ball": "ball_input",
     "wall-grid": "wall_grid",
@@ -543,7 +543,7 @@ _POINT = re.compile(r"” -?\d+(?:\.\d+)?,-?\d+(?:\.\d+)?(?:,(\d+))?")
 
 def on_page(message: str, say: Say) -> str:
     """A message as a sentence, with fields and buttons in place of options."""
-    placed = in_fields(message, {option: say(key) for option, key in _PLACES.items()})
+    placed = in_fields(message, {option: say(key) for option, key in _FIELD_KEYS.items()})
     placed = _POINT.sub(lambda found: f"” ({say('frame')} {found[1]})" if found[1] else "”", placed)
     return placed[:1].upper() + placed[1:]
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["ClipAnswer", "Measurer", "Task"]
 
 # Forked copies of the threads of OpenCV and of the server hang; a fresh interpreter does not.
-_FRESH = multiprocessing.get_context("spawn")
+_SPAWNED = multiprocessing.get_context("spawn")
 
 
 @dataclass(frozen=True)
@@ -104,8 +104,8 @@ class Measurer:
         with self._lock:
             if self._process is not None:
                 return
-            self._pipe, theirs = _FRESH.Pipe()
-            self._process = _FRESH.Process(target=_serve, args=(theirs,), daemon=True)
+            self._pipe, theirs = _SPAWNED.Pipe()
+            self._process = _SPAWNED.Process(target=_serve, args=(theirs,), daemon=True)
             self._process.start()
             theirs.close()
             Thread(target=self._listen, args=(self._pipe,), daemon=True).start()

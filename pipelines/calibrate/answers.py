@@ -32,8 +32,8 @@ from vision.clip.picture import ClipInfo, decoded_image
 from vision.tracks import Tracks
 
 __all__ = [
-    "NOTHING",
-    "OPTIONS",
+    "ANSWER_OPTIONS",
+    "EMPTY_ANSWERS",
     "Answers",
     "StillScene",
     "answered",
@@ -48,11 +48,11 @@ FloatArray = NDArray[np.float64]
 Document = Mapping[str, Any]
 """Tables of a setup file."""
 
-SCENE_FRAMES = 40
+MAX_SCENE_FRAMES = 40
 """Number of frames in the median image of the scene (chosen: a moving object covers any point in
 fewer than half of them)."""
 
-NOTHING = ("", "none", "-", "no")
+EMPTY_ANSWERS = ("", "none", "-", "no")
 """Texts that leave an answer open."""
 
 BOARD = Board(8, 6, 0.025)
@@ -93,7 +93,7 @@ def open_scene(path: Path) -> StillScene:
         If it can't be read.
     """
     clip = ClipReader.open(path)
-    stride = max(1, clip.info.frames // SCENE_FRAMES)
+    stride = max(1, clip.info.frames // MAX_SCENE_FRAMES)
     frames = [frame.gray for frame in clip.frames() if frame.index % stride == 0]
     levels = np.median(frames, axis=0) / (257.0 if frames[0].dtype == np.uint16 else 1.0)
     picture = np.asarray(np.round(levels), dtype=np.uint8)
@@ -189,14 +189,14 @@ class Answers:
         tracks = self.tracks
         if tracks is not None and tracks.rest_frames is not None:
             after = tracks.ball.centre_px[tracks.ball.frame > tracks.rest_frames[1]]
-            if len(after) >= MIN_FLIGHT_FRAMES:
+            if len(after) >= MIN_LANDING_FRAMES:
                 return after[np.argmax(after[:, 1])], True
         width, height = self.scene.size
         left = self.rest is not None and self.rest[0] > 0.5 * width
         return np.array([(0.1 if left else 0.9) * width, 0.85 * height]), False
 
 
-MIN_FLIGHT_FRAMES = 8
+MIN_LANDING_FRAMES = 8
 """Frames: a parabola has six parameters, two more show a misfit."""
 
 
@@ -314,7 +314,7 @@ SWING_PERIOD = Measurand(
 PERIOD_STD = 0.005
 """Relative std of a period without one (chosen: ten swings timed by hand, ± 0.07 s)."""
 
-OPTIONS: Mapping[str, Option] = {
+ANSWER_OPTIONS: Mapping[str, Option] = {
     "fps": _at("camera", "capture_fps", measurands.CAPTURE_RATE),
     "wall_grid": _at("wall", "grid", measurands.GRID_PITCH),
     "fine_grid": _at("wall", "fine_grid", measurands.FINE_PITCH),
@@ -341,8 +341,8 @@ def answered(answers: Answers, name: str, text: str) -> Answers:
         If it is invalid by itself, or with the others.
     """
     text = text.strip()
-    given = "" if text.lower() in NOTHING else text
-    document = OPTIONS[name].read(answers, given, f"--{name.replace('_', '-')}")
+    given = "" if text.lower() in EMPTY_ANSWERS else text
+    document = ANSWER_OPTIONS[name].read(answers, given, f"--{name.replace('_', '-')}")
     changed = replace(answers, document=document)
     wall = changed.setup.wall
     if wall.fine_grid is not None and wall.fine_grid >= changed.inputs.grid_pitch:
@@ -356,7 +356,7 @@ def answered(answers: Answers, name: str, text: str) -> Answers:
 
 def text_of(answers: Answers, name: str) -> str:
     """The present text of an answer; empty if it is open."""
-    return OPTIONS[name].shown(answers)
+    return ANSWER_OPTIONS[name].shown(answers)
 
 
 def point_from(text: str, size: tuple[int, int]) -> FloatArray:

@@ -15,7 +15,7 @@ __all__ = ["RAMP", "MapScale", "grid_lines", "path_line", "shaded_map"]
 
 FloatArray = NDArray[np.float64]
 
-LINE, MARK = "#00a395", "#d6156c"
+LINE, MARK_COLOUR = "#00a395", "#d6156c"
 
 RAMP = ("#440154", "#3b528b", "#21918c", "#5ec962", "#fde725")
 """Viridis, dark for small values."""
@@ -99,8 +99,8 @@ def _origin(grid: WallGrid) -> str:
     arm = 14 * size[0] / 640
     return (
         f'<path d="M{x - arm:.1f},{y:.1f}H{x + arm:.1f}M{x:.1f},{y - arm:.1f}V{y + arm:.1f}"'
-        f' stroke="{MARK}" stroke-width="{_stroke(size, 1.6)}"/>'
-        + _label(px + 4 * size[0] / 640 * np.array([1.0, -1.0]), "0, 0", MARK, size)
+        f' stroke="{MARK_COLOUR}" stroke-width="{_stroke(size, 1.6)}"/>'
+        + _label(px + 4 * size[0] / 640 * np.array([1.0, -1.0]), "0, 0", MARK_COLOUR, size)
     )
 
 
@@ -122,7 +122,7 @@ def path_line(answers: Answers) -> str:
     size = answers.scene.size
     points = " ".join(f"{x:.1f},{y:.1f}" for x, y in answers.tracks.ball.centre_px[::3])
     return (
-        f'<polyline points="{points}" fill="none" stroke="{MARK}" '
+        f'<polyline points="{points}" fill="none" stroke="{MARK_COLOUR}" '
         f'stroke-width="{_stroke(size, 1)}" stroke-dasharray="{_stroke(size, 4)}"/>'
     )
 

@@ -87,10 +87,10 @@ FloatArray = NDArray[np.float64]
 
 BoolArray = NDArray[np.bool_]
 
-BEFORE_S = 0.084
+FILMED_BEFORE_S = 0.084
 """s: start of a planned clip before contact: 50 frames at 600 fps, the length of a swing fit."""
 
-FACE_STD_PX = 0.2
+PLANNED_FACE_STD_PX = 0.2
 """px: standard uncertainty of a tracked edge of the face (assumed)."""
 
 _EDGE = 1.0
@@ -174,7 +174,7 @@ def film_scene(filming: Filming) -> tuple[Scene, Shot]:
             support=filming.support,
             seed=filming.seed,
         )
-        first = -(math.floor(BEFORE_S * filming.fps) + 0.37) / filming.fps
+        first = -(math.floor(FILMED_BEFORE_S * filming.fps) + 0.37) / filming.fps
         shutter = replace(scene.shutter, fps=filming.fps, exposure=filming.exposure_s, first=first)
         return replace(scene, shutter=shutter, sensor=_sensor(filming))
 
@@ -286,8 +286,8 @@ def _face(scene: Scene, hub: FloatArray, phi: FloatArray, frame: int) -> Face:
         for depth in (0.0, half, -half)
     )
     if near[0] > far[0]:
-        return Face(frame, near, FACE_STD_PX)
-    return Face(frame, far, FACE_STD_PX, middle, FACE_STD_PX)
+        return Face(frame, near, PLANNED_FACE_STD_PX)
+    return Face(frame, far, PLANNED_FACE_STD_PX, middle, PLANNED_FACE_STD_PX)
 
 
 MIN_GRID_PITCH_PX, MIN_OUTLINE_RADIUS_PX = 3.6, 5.0

@@ -18,7 +18,7 @@ __all__ = ["Written", "lens_for", "read_view", "save", "setup_text"]
 
 LENS_NAME = "lens.toml"
 
-VIEW = "[view]"
+VIEW_HEADING = "[view]"
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def setup_text(answers: Answers, outlook: Outlook) -> str:
 def _lens_text(answers: Answers, calibration: Calibration) -> str:
     if answers.setup.camera.lens is not None:
         text = answers.setup.camera.lens.read_text(encoding="utf-8")
-        return text.split(VIEW, 1)[0].rstrip() + "\n"
+        return text.split(VIEW_HEADING, 1)[0].rstrip() + "\n"
     lens = calibration.grid_camera.lens
     covariance = calibration.covariance[6:11, 6:11]
     std = np.maximum(np.sqrt(np.diag(covariance)), MIN_LENS_STD)
@@ -130,7 +130,7 @@ def _view_text(grid: WallGrid) -> str:
     return "\n".join(
         [
             "",
-            VIEW,
+            VIEW_HEADING,
             "# position of the wall's grid in the image, for `vision calibrate check`",
             f"size = {list(grid.size)!r}",
             f"pitch_m = {grid.pitch_m!r}",

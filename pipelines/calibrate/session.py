@@ -8,7 +8,7 @@ from typing import Any
 
 from calib.grid import find_wall_grid
 from metrology import CalibrationError, NotFoundError, SetupError, parse_toml, read_small_text
-from pipelines.calibrate.answers import OPTIONS, Answers, answered, open_scene, point_from
+from pipelines.calibrate.answers import ANSWER_OPTIONS, Answers, answered, open_scene, point_from
 from pipelines.calibrate.corners import grid_from_corners, starting_corners
 from pipelines.calibrate.outlook import NO_GRID, Outlook, outlook
 from pipelines.calibrate.saving import Written, save
@@ -157,7 +157,7 @@ def session_of(
     origin_at, ball_at : str, optional
         Points, ``X,Y`` in px.
     **options : str, optional
-        Texts by name, as in `OPTIONS`.
+        Texts by name, as in `ANSWER_OPTIONS`.
 
     Raises
     ------
@@ -171,7 +171,7 @@ def session_of(
         text = read_small_text(setup, what="the setup file", error=SetupError)
         document = parse_toml(text, str(setup))
         answers = replace(answers, document=document, folder=setup.parent, begun=setup)
-    for name in OPTIONS:
+    for name in ANSWER_OPTIONS:
         if (given := options.get(name)) is not None:
             answers = answered(answers, name, given)
     size = answers.scene.size

@@ -57,7 +57,7 @@ from pipelines.terminal import counted
 
 __all__ = ["Campaign", "CampaignOptions", "Edition", "campaign", "conduct", "publish"]
 
-_LAW_SPEEDS = 9
+_SUMMARY_SPEEDS = 9
 """Number of speeds in `cor_at`, evenly across the range fitted (chosen)."""
 
 
@@ -126,7 +126,7 @@ def _ball(ball: BallAnalysis) -> dict[str, Any]:
         return {"law": None, "reason": ball.why_no_law, "clips": len(ball.clips)}
     fit = ball.fits[0]
     low, high = fit.speeds
-    speeds = [low + (high - low) * i / (_LAW_SPEEDS - 1) for i in range(_LAW_SPEEDS)]
+    speeds = [low + (high - low) * i / (_SUMMARY_SPEEDS - 1) for i in range(_SUMMARY_SPEEDS)]
     precision = ball.precision
     return {
         "law": str(fit.law),

@@ -81,7 +81,7 @@ def _axes(x: str, y: str) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-_SPEED = "impact speed / (m/s)"
+_SPEED_AXIS = "impact speed / (m/s)"
 
 
 def _of(clips: Sequence[ClipResult], name: str) -> tuple[FloatArray, FloatArray]:
@@ -94,7 +94,7 @@ def _label(ball: BallAnalysis) -> str:
 
 
 def _cor(balls: Sequence[BallAnalysis], against_paper: bool) -> Figure:
-    figure, axes = _axes(_SPEED, "coefficient of restitution")
+    figure, axes = _axes(_SPEED_AXIS, "coefficient of restitution")
     for ball, colour in zip(balls, _cycle(), strict=False):
         (speed, _), (cor, std) = _of(ball.clips, "pendulum_speed_before"), _of(ball.clips, "cor")
         axes.errorbar(speed, cor, std, fmt="o", ms=3.5, lw=0.8, color=colour, label=_label(ball))
@@ -160,7 +160,7 @@ def _cycle() -> tuple[str, ...]:
 def _against_speed(
     balls: Sequence[BallAnalysis], quantity: str, label: str, factor: float
 ) -> Figure | None:
-    figure, axes = _axes(_SPEED, label)
+    figure, axes = _axes(_SPEED_AXIS, label)
     any_drawn = False
     for ball, colour in zip(balls, _cycle(), strict=False):
         speed = _of(ball.clips, "pendulum_speed_before")[0]
@@ -241,7 +241,7 @@ def _impulse(balls: Sequence[BallAnalysis]) -> Figure | None:
         lower.errorbar(speed, force, force_std, fmt="o", ms=3.5, lw=0.8, color=colour)
     upper.set_ylabel("external impulse / (N s)")
     lower.set_ylabel("mean contact force / N")
-    lower.set_xlabel(_SPEED)
+    lower.set_xlabel(_SPEED_AXIS)
     for axes in (upper, lower):
         axes.grid(alpha=0.25, linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
@@ -251,7 +251,7 @@ def _impulse(balls: Sequence[BallAnalysis]) -> Figure | None:
 
 
 def _energy(balls: Sequence[BallAnalysis]) -> Figure | None:
-    figure, axes = _axes(_SPEED, "energy lost by the pendulum / J")
+    figure, axes = _axes(_SPEED_AXIS, "energy lost by the pendulum / J")
     any_drawn = False
     for ball, colour in zip(balls, _cycle(), strict=False):
         speed = _of(ball.clips, "pendulum_speed_before")[0]
@@ -285,7 +285,7 @@ def _ranges(balls: Sequence[BallAnalysis]) -> Figure | None:
     held = [ball for ball in balls if ball.ranges is not None]
     if not held:
         return None
-    figure, axes = _axes(_SPEED, "range: model − measured / mm")
+    figure, axes = _axes(_SPEED_AXIS, "range: model − measured / mm")
     axes.axhline(0, color="0.3", lw=0.8)
     marks: tuple[tuple[str, str, str, bool], ...] = (
         ("numerical", "o", "numerical", True),
@@ -355,7 +355,7 @@ def write_figures(figures: dict[str, Figure], folder: Path) -> None:
                 draw_into(temporary, figure, suffix, dpi=150)
 
 
-CAPTIONS = {
+PLOT_CAPTIONS = {
     "cor": "Coefficient of restitution against impact speed: one point per clip (± one standard"
     " uncertainty), mean of the laws (line), 95 % band of the law (dark) and of the next strike"
     " (light). Rings mark outliers. Compare the paper's Figs 20 and 21.",
@@ -434,8 +434,8 @@ def write_report(
 
 
 def _caption(name: str) -> str:
-    if name in CAPTIONS:
-        return CAPTIONS[name]
+    if name in PLOT_CAPTIONS:
+        return PLOT_CAPTIONS[name]
     quantity = name.removeprefix("agreement_").replace("_", " ")
     return f"Camera against sensor: {quantity} (Bland and Altman)."
 

@@ -188,15 +188,15 @@ def with_known_balls(book: LabBook, names: Iterable[str]) -> LabBook:
     return replace(book, strikes=strikes)
 
 
-_LENGTH, _TIME = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}, {"s": 1.0, "ms": 1e-3}
+_METRES, _SECONDS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}, {"s": 1.0, "ms": 1e-3}
 _ANGLE = {"deg": 1.0, "grad": 1.0, "degrees": 1.0, "rad": 180.0 / math.pi}
-_SPEED = {"m_s": 1.0, "m/s": 1.0, "cm_s": 1e-2, "cm/s": 1e-2, "km_h": 1 / 3.6, "km/h": 1 / 3.6}
-_OTHER_UNITS: dict[str, tuple[str, Mapping[str, float]]] = {
+_M_PER_S = {"m_s": 1.0, "m/s": 1.0, "cm_s": 1e-2, "cm/s": 1e-2, "km_h": 1 / 3.6, "km/h": 1 / 3.6}
+_COLUMN_UNITS: dict[str, tuple[str, Mapping[str, float]]] = {
     "backswing_deg": ("backswing", _ANGLE),
-    "contact_time_fsr_s": ("contact_time_fsr", _TIME),
+    "contact_time_fsr_s": ("contact_time_fsr", _SECONDS),
     "backswing_encoder_deg": ("backswing_encoder", _ANGLE),
-    "impact_speed_encoder_m_s": ("impact_speed_encoder", _SPEED),
-    "landing_tape_m": ("landing_tape", _LENGTH),
+    "impact_speed_encoder_m_s": ("impact_speed_encoder", _M_PER_S),
+    "landing_tape_m": ("landing_tape", _METRES),
 }
 """Columns of numbers: their stem, and factors of units that are converted."""
 
@@ -219,7 +219,7 @@ def _with_known_columns(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, 
         if bare in _WORD_COLUMNS and not suffix:
             renamed[name] = _WORD_COLUMNS[bare]
             continue
-        for wanted, (stem, factors) in _OTHER_UNITS.items():
+        for wanted, (stem, factors) in _COLUMN_UNITS.items():
             unit = bare.removeprefix(f"{stem}_")
             if bare == wanted:
                 renamed[name] = wanted + suffix
@@ -287,7 +287,7 @@ def _unused_notes(names: Sequence[str]) -> tuple[str, ...]:
     said = f"Columns of the lab book that are kept but not used: {', '.join(names)}."
     for name in names:
         words = set(_bare_name(name)[0].split("_"))
-        for wanted, (stem, _) in _OTHER_UNITS.items():
+        for wanted, (stem, _) in _COLUMN_UNITS.items():
             if words & ({*stem.split("_")} - {"time", "speed"}):
                 said += f" If {name} is the instrument's reading, name it {wanted}, or with its"
                 said += f" unit, as {stem}_cm." if wanted.endswith("_m") else " unit."
@@ -460,7 +460,7 @@ def _strike(path: Path, line: int, row: Mapping[object, object]) -> LabBookRow:
     for sensor in SENSORS:
         value = cells.get(sensor.column)
         if isinstance(value, float) and not sensor.lowest <= value <= sensor.highest:
-            stem, factors = _OTHER_UNITS[sensor.column]
+            stem, factors = _COLUMN_UNITS[sensor.column]
             others = [
                 f"{stem}_{unit}"
                 for unit, factor in factors.items()

@@ -178,7 +178,7 @@ class Crew(Protocol):
         ...
 
 
-_PROCESS = threading.local()
+_OWN_THREAD = threading.local()
 
 
 def measure_in_worker(request: Request, options: RunOptions) -> dict[str, Any]:
@@ -190,10 +190,10 @@ def measure_in_worker(request: Request, options: RunOptions) -> dict[str, Any]:
         As `worker.answer`, its document as text; ``{"died": …}`` if the worker ended, hung or
         exceeded its memory limit.
     """
-    process: WorkerProcess | None = getattr(_PROCESS, "worker", None)
+    process: WorkerProcess | None = getattr(_OWN_THREAD, "worker", None)
     if process is None:
         process = WorkerProcess(options.timeout_s, options.memory_bytes, options.command)
-        _PROCESS.worker = process
+        _OWN_THREAD.worker = process
         with _STARTED_LOCK:
             _STARTED.append(process)
     try:

@@ -238,14 +238,14 @@ def _measured(request: Request) -> dict[str, Any]:
     return {"document": document}
 
 
-_PICTURE_WIDTH = 640
+_THUMBNAIL_WIDTH = 640
 """px (chosen: readable, and 160 pictures keep the report below 5 MB)."""
 
 
 def _small_jpeg(image: NDArray[np.uint8]) -> bytes:
     import cv2
 
-    share = min(1.0, _PICTURE_WIDTH / image.shape[1])
+    share = min(1.0, _THUMBNAIL_WIDTH / image.shape[1])
     small = cv2.resize(image, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
     return bytes(cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 70])[1])
 

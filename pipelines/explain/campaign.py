@@ -70,7 +70,7 @@ NUMBER_COLUMNS = (
     "t_s", "x_m", "y_m", "z_m", "phi_rad", "backswing_deg", "x_m_std", "y_m_std", "z_m_std",
 )  # fmt: skip
 
-WORD_COLUMNS = ("ball", "session")
+TEXT_COLUMNS = ("ball", "session")
 """Columns of words that are constant within a trial."""
 COARSE_CLOCK_FRACTION = 0.2
 """Fraction of rows with a repeated time from which the clock is too coarse (chosen)."""
@@ -230,7 +230,7 @@ def _samples(
     notes: tuple[str, ...] = ()
     if isinstance(source, Path) and "phi_rad" not in needed:
         source, notes = _foreign(source, setup.columns)
-    sheet = read_sheet(source, SAMPLE_UNITS, ("trial", *WORD_COLUMNS))
+    sheet = read_sheet(source, SAMPLE_UNITS, ("trial", *TEXT_COLUMNS))
     sheet = replace(sheet, notes=(*notes, *sheet.notes))
     table = sheet.table
     if is_track_table(table):
@@ -378,7 +378,7 @@ def _by_trial(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 def _trial(name: str, ball: pd.DataFrame | None, swing: pd.DataFrame | None) -> Trial:
     time, position, std = np.zeros(0), np.zeros((0, 3)), None
-    words: dict[str, str | None] = dict.fromkeys(WORD_COLUMNS)
+    words: dict[str, str | None] = dict.fromkeys(TEXT_COLUMNS)
     backswing = None
     if ball is not None:
         time = _numbers(ball, "t_s")
@@ -393,7 +393,7 @@ def _trial(name: str, ball: pd.DataFrame | None, swing: pd.DataFrame | None) -> 
                     for axis in ("x_m_std", "y_m_std", "z_m_std")
                 ]
             )
-        words = {name: _word(ball, name) for name in WORD_COLUMNS}
+        words = {name: _word(ball, name) for name in TEXT_COLUMNS}
         if "backswing_deg" in ball and ball["backswing_deg"].notna().any():
             backswing = math.radians(float(ball["backswing_deg"].dropna().iloc[0]))
     swing_time, angle = np.zeros(0), np.zeros(0)

@@ -697,14 +697,14 @@ TABLE = (
     "Recorded − model for each result, against impact speed; lines join the means at each speed."
 )
 
-CELL = """<div style="max-width:60rem"><p><b>{{ headline }}</b></p>
+HTML = """<div style="max-width:60rem"><p><b>{{ headline }}</b></p>
 {% for line in lines %}<p>{{ line }}</p>{% endfor %}</div>"""
 
 
 def verdict_html(verdict: EngineVerdict) -> str:
     """Summary of the verdict as HTML for a notebook cell."""
     headline, *lines = verdict.text().splitlines()
-    return Environment(autoescape=True).from_string(CELL).render(headline=headline, lines=lines)
+    return Environment(autoescape=True).from_string(HTML).render(headline=headline, lines=lines)
 
 
 def _page() -> str:

@@ -48,7 +48,7 @@ UNIT_FACTORS = {
 }
 """Factors of units accepted in a header instead of the contract's."""
 
-DECIMAL_COMMA = re.compile(r"[+-]?\d*(?:,\d+)?(?:[eE][+-]?\d+)?")
+COMMA_NUMBER = re.compile(r"[+-]?\d*(?:,\d+)?(?:[eE][+-]?\d+)?")
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 """Pattern that may also be a thousands separator."""
 
@@ -217,7 +217,7 @@ def _without_commas(
 ) -> pd.Series:
     """Convert decimal commas to points, if every number with a mark has a comma."""
     held = text[written & text.str.contains(",", regex=False)]
-    if held.empty or not held.map(DECIMAL_COMMA.fullmatch).notna().all():
+    if held.empty or not held.map(COMMA_NUMBER.fullmatch).notna().all():
         return text
     if text[written].str.contains(".", regex=False).any():
         return text  # both points and commas: ambiguous

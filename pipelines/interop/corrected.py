@@ -8,13 +8,13 @@ from vision.stages import GivenObjects, given_objects
 
 __all__ = ["is_corrected", "read_corrected"]
 
-_MARKS = {"sharpness", "evenness", "light"}
+_DETECTION_COLUMNS = {"sharpness", "evenness", "light"}
 """Columns that no other program's table has."""
 
 
 def is_corrected(path: Path) -> bool:
     """Whether a file is a table of `vision measure --detections` or `--tracklets`."""
-    return path.is_file() and len(_MARKS & {*header_of(path)}) > 1
+    return path.is_file() and len(_DETECTION_COLUMNS & {*header_of(path)}) > 1
 
 
 def read_corrected(path: Path) -> GivenObjects:

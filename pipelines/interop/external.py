@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from metrology import UsageError
 
 __all__ = [
-    "BALL",
+    "BALL_NAME",
     "FOREIGN",
-    "PENDULUM",
+    "PENDULUM_OBJECT",
     "ExternalTrack",
     "ExternalTracks",
     "PlaneOfMotion",
@@ -38,14 +38,14 @@ FloatArray = NDArray[np.float64]
 
 IntArray = NDArray[np.int64]
 
-BALL, PENDULUM = "ball", "pendulum"
+BALL_NAME, PENDULUM_OBJECT = "ball", "pendulum"
 
 """Object names of the track table of `vision measure`."""
 
 
 _CALLED = {
-    BALL: frozenset({"ball", "kugel", "balle", "ballon", "pelota", "balón", "bola", "palla"}),
-    PENDULUM: frozenset(
+    BALL_NAME: frozenset({"ball", "kugel", "balle", "ballon", "pelota", "balón", "bola", "palla"}),
+    PENDULUM_OBJECT: frozenset(
         {"pendulum", "mass", "hammer", "bob", "pendel", "masse", "pendule", "marteau", "péndulo"}
     ),
 }
@@ -179,7 +179,7 @@ class ExternalTracks:
             If a name is not in the file, or the ball's track is ambiguous.
         """
         given = {one.name: one for one in self.tracks}
-        ball, pendulum = (self._called(kind, columns) for kind in (BALL, PENDULUM))
+        ball, pendulum = (self._called(kind, columns) for kind in (BALL_NAME, PENDULUM_OBJECT))
         others = [name for name in given if name not in (ball, pendulum)]
         if ball is None and len(others) == 1:
             ball = others.pop()
@@ -193,8 +193,8 @@ class ExternalTracks:
                 hint=f'Pass --columns "ball={next(iter(given), "NAME")}", or set ball = "…" in the'
                 " table [columns] of the setup file.",
             )
-        named = [] if ball is None else [replace(given[ball], name=BALL)]
-        named += [] if pendulum is None else [replace(given[pendulum], name=PENDULUM)]
+        named = [] if ball is None else [replace(given[ball], name=BALL_NAME)]
+        named += [] if pendulum is None else [replace(given[pendulum], name=PENDULUM_OBJECT)]
         return replace(self, tracks=(*named, *(given[name] for name in others if name != ball)))
 
     def _called(self, kind: str, columns: Mapping[str, str]) -> str | None:

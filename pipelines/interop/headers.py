@@ -37,14 +37,14 @@ def _set(words: str) -> frozenset[str]:
     return frozenset(words.split())
 
 
-_TIME = _set(
+_TIME_HEADERS = _set(
     "t time times zeit temps tiempo tempo seconds sekunden timestamp timecode uhrzeit hora heure"
 )
 
-_DATE = _set("date datum fecha data")
+_DATE_HEADERS = _set("date datum fecha data")
 """Words of a column beside the time in which programs write the day as well."""
 
-_AXES = {
+_AXIS_HEADERS = {
     "x": _set("x horizontal horizontale abscisse abscissa abszisse abscisa"),
     "y": _set(
         "y vertical vertikal verticale hohe height hauteur altura altezza ordonnee ordinate"
@@ -105,15 +105,15 @@ def time_column(header: Sequence[str]) -> str | None:
     found = [
         name
         for name in header
-        if (words := _words(name)) and set(words) & _TIME and not _axis(words)
+        if (words := _words(name)) and set(words) & _TIME_HEADERS and not _axis(words)
     ]
-    bare = [name for name in found if not set(_words(name)) & _DATE]
+    bare = [name for name in found if not set(_words(name)) & _DATE_HEADERS]
     one = bare if found[1:] else found
     return one[0] if len(one) == 1 else None
 
 
 def _axis(words: Sequence[str]) -> str | None:
-    found = [axis for axis, names in _AXES.items() if set(words) & names]
+    found = [axis for axis, names in _AXIS_HEADERS.items() if set(words) & names]
     return found[0] if len(found) == 1 else None
 
 
@@ -130,7 +130,7 @@ def _pairs(header: Sequence[str], runs: bool) -> tuple[AxisColumns, ...]:
     found: dict[str, dict[str, str]] = {}
     for name in header:
         words = _words(name)
-        axis = _axis(words) or ("t" if set(words) & _TIME else None)
+        axis = _axis(words) or ("t" if set(words) & _TIME_HEADERS else None)
         if axis is None or not may_be_position(name) or (axis == "t" and not runs):
             continue
         columns = found.setdefault(_object(words, axis, runs), {})
@@ -140,7 +140,7 @@ def _pairs(header: Sequence[str], runs: bool) -> tuple[AxisColumns, ...]:
     return tuple(
         AxisColumns(name, columns["x"], columns["y"], columns.get("t"))
         for name, columns in found.items()
-        if columns.keys() >= _AXES.keys()
+        if columns.keys() >= _AXIS_HEADERS.keys()
     )
 
 
@@ -149,13 +149,13 @@ def may_be_position(name: str) -> bool:
     unit = re.search(r"[\(\[](.*?)[\)\]]", name)
     rate = unit is not None and _RATE_UNIT.search(unit[1]) is not None
     # an object may be called A or V, where the unit is a length
-    called = {"a", "v"} if unit is not None and unit_word(unit[1]) in _UNITS.values() else set()
+    called = {"a", "v"} if unit is not None and unit_word(unit[1]) in _UNIT_OF.values() else set()
     return not rate and not set(_words(name)) & _NOT_POSITIONS - called
 
 
 def _object(words: Sequence[str], axis: str, runs: bool) -> str:
     """What remains of a column's name: the object, with its run if runs are distinguished."""
-    known = _DESCRIPTIONS | (_TIME if axis == "t" else _AXES[axis])
+    known = _DESCRIPTIONS | (_TIME_HEADERS if axis == "t" else _AXIS_HEADERS[axis])
     rest = [word for word in words if word not in known and not word.isdigit()]
     numbers = [word for word in words if word.isdigit()] if runs else []
     run = ["run"] if numbers and set(words) & _RUNS else []
@@ -202,7 +202,7 @@ def is_value(cell: str) -> bool:
     if found is None:
         return cell.strip().casefold() in ("nan", "na", "n/a")
     unit = found[1].strip().split("/")[0]
-    return not unit or unit_word(unit) in _UNITS
+    return not unit or unit_word(unit) in _UNIT_OF
 
 
 def is_unit_row(cells: Sequence[str]) -> bool:
@@ -210,8 +210,8 @@ def is_unit_row(cells: Sequence[str]) -> bool:
     written = [cell.strip() for cell in cells if cell.strip()]
     return bool(written) and all(
         re.fullmatch(r"[\(\[].*[\)\]]", cell)
-        or unit_word(cell) in _UNITS
-        or unit_word(re.split(r"[/·*^ ]", cell)[0]) in _UNITS
+        or unit_word(cell) in _UNIT_OF
+        or unit_word(re.split(r"[/·*^ ]", cell)[0]) in _UNIT_OF
         for cell in written
     )
 
@@ -229,12 +229,12 @@ _UNIT_WORDS = {
     "px": "px pixel pixels pix pixeles",
     "frame": "frame frames",
 }
-_UNITS = {word: unit for unit, words in _UNIT_WORDS.items() for word in words.split()}
+_UNIT_OF = {word: unit for unit, words in _UNIT_WORDS.items() for word in words.split()}
 
 
 def unit_word(text: str) -> str:
     """A unit of length or time as written anywhere: ``Seconds``, ``CM``; others stay."""
-    return _UNITS.get(folded(text.strip()).replace("\u03bc", "µ"), text)
+    return _UNIT_OF.get(folded(text.strip()).replace("\u03bc", "µ"), text)
 
 
 def folded(text: str) -> str:

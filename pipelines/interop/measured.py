@@ -24,9 +24,9 @@ from measuring.metres import centre_of_arc
 from measuring.setup.file import load_setup
 from metrology import MeasurementError, UsageError, write_text_whole, written_whole
 from pipelines.interop.external import (
-    BALL,
+    BALL_NAME,
     FOREIGN,
-    PENDULUM,
+    PENDULUM_OBJECT,
     ExternalTrack,
     ExternalTracks,
     PlaneOfMotion,
@@ -63,7 +63,7 @@ __all__ = [
     "write_tracks",
 ]
 
-_MIN_TRACK_ROWS = 3
+_MIN_OBJECT_ROWS = 3
 """Rows: two positions give a velocity, the third tests it."""
 
 
@@ -91,7 +91,7 @@ def external_of(measured: ClipMeasurement, path: Path, clip: Path | None) -> Ext
     )
     ball = table[table["object"] == "ball"].dropna(subset=["x_m", "y_m"])
     plane = None
-    if len(ball) >= _MIN_TRACK_ROWS:
+    if len(ball) >= _MIN_OBJECT_ROWS:
         plane = _plane(steady_px(ball), ball[["x_m", "y_m"]].to_numpy(float))
     named = None
     if clip is not None:
@@ -168,7 +168,7 @@ def track_table(path: Path, columns: Mapping[str, str]) -> pd.DataFrame:
         As `read_tracks`.
     """
     table = as_track_table(read_tracks(path, columns).chosen(columns))
-    swing = table["object"] == PENDULUM
+    swing = table["object"] == PENDULUM_OBJECT
     if swing.any():
         arm = table.loc[swing, ["x_px", "y_px"]].to_numpy(float)
         arm = arm - centre_of_arc(arm)
@@ -265,7 +265,7 @@ class _Filmed:
     warnings: tuple[str, ...]
 
 
-_MIN_ROWS = 4
+_MIN_PLACES = 4
 """Rows of a track (derived: a parabola has three parameters; one more tests it)."""
 
 
@@ -302,14 +302,14 @@ def measure_from_tracks(
     said = {**options.setup.columns, **(columns or {})}
     external = read_tracks(path, said)
     external = external.chosen(_resting_ball(external) | said)
-    if external.tracks[0].name != BALL:
+    if external.tracks[0].name != BALL_NAME:
         raise UsageError(
             f"{path.name} has a pendulum and no ball",
             hint='Pass --columns "ball=NAME" to name the ball.',
         )
-    if (rows := len(external.tracks[0].frame)) < _MIN_ROWS:
+    if (rows := len(external.tracks[0].frame)) < _MIN_PLACES:
         raise MeasurementError(
-            f"{path.name} has only {rows} rows of positions; a motion needs at least {_MIN_ROWS}",
+            f"{path.name} has only {rows} rows of positions; a motion needs at least {_MIN_PLACES}",
             hint="Mark the object in more pictures.",
         )
     inputs = gather_inputs(options.setup, options.ball, options.wall_grid)
@@ -341,7 +341,7 @@ def _resting_ball(external: ExternalTracks) -> dict[str, str]:
     if len(external.tracks) != 2:
         return {}
     rests = [find_rest(one.frame, one.px, UNSEEN_RADIUS_PX) is not None for one in external.tracks]
-    return {BALL: external.tracks[rests.index(True)].name} if sum(rests) == 1 else {}
+    return {BALL_NAME: external.tracks[rests.index(True)].name} if sum(rests) == 1 else {}
 
 
 def _scale(
@@ -462,8 +462,8 @@ def _tracks(
     if scale is not None and inputs.ball is not None:
         radius = 0.5 * inputs.ball.diameter / scale[0]
     named = {track.name: _track(track, radius) for track in external.tracks}
-    ball = named.pop(BALL)
-    swing = named.pop(PENDULUM, None)
+    ball = named.pop(BALL_NAME)
+    swing = named.pop(PENDULUM_OBJECT, None)
     others = list(named.values())
     rest = find_rest(ball.frame, ball.centre_px, float(np.median(ball.radius_px)))
     striker = None

@@ -32,7 +32,7 @@ from pipelines.interop.external import (
 )
 
 __all__ = [
-    "CORNER_PX",
+    "PIXEL_CORNER",
     "kinovea_annotations",
     "read_kva",
     "read_trk",
@@ -41,7 +41,7 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
-CORNER_PX = 0.5
+PIXEL_CORNER = 0.5
 """px: origin of Tracker and Kinovea (corner of the first pixel) relative to its centre."""
 CLICKED_STD_PX = 0.5
 """px: standard uncertainty of a clicked end of a calibration stick, per coordinate (assumed)."""
@@ -151,7 +151,7 @@ def _point_mass(item: Element, number: int) -> ExternalTrack:
     for frame, entry in sorted(_frame_data(item).items()):
         x, y = _number_at(entry, "x"), _number_at(entry, "y")
         if x is not None and y is not None:
-            rows.append((frame, x - CORNER_PX, y - CORNER_PX))
+            rows.append((frame, x - PIXEL_CORNER, y - PIXEL_CORNER))
     table = np.array(rows, dtype=float).reshape(-1, 3)
     name = _text(item, "name") or f"mass {chr(ord('A') + number % 26)}"
     return ExternalTrack(name, table[:, 0].astype(np.int64), table[:, 1:])
@@ -190,7 +190,7 @@ def _plane_of_axes(root: Element, sticks: list[float], path: Path) -> PlaneOfMot
     return PlaneOfMotion(
         px_per_m=scale / unit_m,
         relative_std=math.hypot(clicked, Defaults.STICK_SCALE.std),
-        origin_px=np.array([float(part or 0.0) for part in origin]) - CORNER_PX,
+        origin_px=np.array([float(part or 0.0) for part in origin]) - PIXEL_CORNER,
         turn_rad=math.radians(_number_at(axes, "angle") or 0.0),
     )
 
@@ -265,7 +265,7 @@ def _add_axes(root: Element, plane: PlaneOfMotion | None) -> None:
         coords, "property", {"name": "framedata", "type": "array", "class": f"[L{kind};"}
     )
     axes = _add_object(held, "[0]", kind)
-    origin = plane.origin_px + CORNER_PX
+    origin = plane.origin_px + PIXEL_CORNER
     _add(axes, "xorigin", "double", float(origin[0]))
     _add(axes, "yorigin", "double", float(origin[1]))
     _add(axes, "angle", "double", math.degrees(plane.turn_rad))
@@ -288,14 +288,14 @@ def _add_mass(parent: Element, track: ExternalTrack, colour: tuple[int, int, int
     held = SubElement(
         mass, "property", {"name": "framedata", "type": "array", "class": f"[L{kind};"}
     )
-    for frame, (x, y) in zip(track.frame, track.px + CORNER_PX, strict=True):
+    for frame, (x, y) in zip(track.frame, track.px + PIXEL_CORNER, strict=True):
         mark = _add_object(held, f"[{int(frame)}]", kind)
         _add(mark, "x", "double", float(x))
         _add(mark, "y", "double", float(y))
 
 
 _ANNOTATION = "Kinovea annotation file"
-_MAX_FRAMES = 2.0**31
+_MAX_FRAME_NUMBER = 2.0**31
 """Largest frame count of any container."""
 _MAX_SCALE_VARIATION = 0.02
 """Relative (assumed): if the local scale of a quadrilateral varies by more along the track, it is
@@ -360,13 +360,13 @@ def _track(
         # before 0.8.16 ticks counted from the track's first mark
         tick = tick - tick[0] + begins
     counted = np.rint((tick - start) / ticks)
-    if not (np.isfinite(rows).all() and (np.abs(counted) < _MAX_FRAMES).all()):
+    if not (np.isfinite(rows).all() and (np.abs(counted) < _MAX_FRAME_NUMBER).all()):
         raise UsageError(
             f"track {name or number + 1}: a mark has no valid position or time",
             hint="Open the file in Kinovea and save it again, or export the track as text.",
         )
     frame, first = np.unique(counted.astype(np.int64), return_index=True)
-    px = rows[first, :2] - CORNER_PX
+    px = rows[first, :2] - PIXEL_CORNER
     return ExternalTrack(
         (name or f"track {number + 1}").strip(),
         frame,
@@ -388,7 +388,7 @@ def _plane_of_grid(
     origin = numbers(text_of(line if line is not None else quad, "Origin"), 2)  # type: ignore[arg-type]
     middle = np.median(np.vstack([track.px for track in tracks]), axis=0)
     placed = origin is not None and bool(np.isfinite(origin).all()) and line is not None
-    zero = np.array(origin) - CORNER_PX if placed else middle
+    zero = np.array(origin) - PIXEL_CORNER if placed else middle
     if line is not None:
         per_m, spread = _line_scale(line, unit_m)
         if per_m is None:
@@ -448,7 +448,7 @@ def _quad_scale(
     corners = [] if shape is None else [numbers(text_of(shape, name), 2) for name in "ABCD"]
     if size is None or len(corners) < 4 or None in corners:
         return None
-    image = np.array(corners, dtype=np.float32) - np.float32(CORNER_PX)
+    image = np.array(corners, dtype=np.float32) - np.float32(PIXEL_CORNER)
     # A, B, C, D: top left, top right, bottom right, bottom left
     world = np.array([(0, size[1]), size, (size[0], 0), (0, 0)], dtype=np.float32)
     mapping = cv2.getPerspectiveTransform(image, world * np.float32(unit_m))
@@ -487,7 +487,7 @@ def _old_scale(root: Element, tracks: tuple[ExternalTrack, ...]) -> PlaneOfMotio
     if per_px is None or word in (None, "px"):
         return None
     origin = numbers(text_of(held, "CoordinatesOrigin"), 2)
-    zero = tracks[0].px[0] if origin is None or origin[0] < 0 else np.array(origin) - CORNER_PX
+    zero = tracks[0].px[0] if origin is None or origin[0] < 0 else np.array(origin) - PIXEL_CORNER
     return PlaneOfMotion(
         1.0 / (per_px * parse_quantity(f"1 {word}", "m")), Defaults.STICK_SCALE.std, zero
     )
@@ -525,7 +525,7 @@ def kinovea_annotations(external: ExternalTracks) -> str:
 
 def _point(point: FloatArray) -> str:
     # Kinovea uses float32: 8 digits are exact
-    return ";".join(f"{value:.8g}" for value in np.asarray(point) + CORNER_PX)
+    return ";".join(f"{value:.8g}" for value in np.asarray(point) + PIXEL_CORNER)
 
 
 def _add_calibration(root: Element, plane: PlaneOfMotion) -> None:

@@ -368,7 +368,7 @@ def separator_of(line: str) -> str:
     return next((mark for mark in ("\t", ";", ",") if mark in line), _BLANKS)
 
 
-_MARKS = str.maketrans({"\u2212": "-", "\u2013": "-", "\u00a0": "", "\u202f": "", "'": ""})
+_TYPED_MARKS = str.maketrans({"\u2212": "-", "\u2013": "-", "\u00a0": "", "\u202f": "", "'": ""})
 """Minus signs and separators of thousands as typeset."""
 
 
@@ -377,7 +377,7 @@ def with_numbers(table: pd.DataFrame) -> pd.DataFrame:
     for name in table.columns:
         if pd.api.types.is_numeric_dtype(table[name]):
             continue
-        words = table[name].astype("string").str.strip().str.translate(_MARKS)
+        words = table[name].astype("string").str.strip().str.translate(_TYPED_MARKS)
         comma, point = words.str.rfind(","), words.str.rfind(".")
         if bool(((comma > point) & (point >= 0)).any()):
             words = words.str.replace(".", "", regex=False)

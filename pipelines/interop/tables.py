@@ -49,7 +49,7 @@ from pipelines.interop.layout import (
     with_heights,
     without_units,
 )
-from pipelines.interop.projects import CORNER_PX
+from pipelines.interop.projects import PIXEL_CORNER
 from pipelines.interop.rows import Marks, even_clock, settled
 from pipelines.interop.sheets import (
     frame_of,
@@ -223,7 +223,7 @@ def column_use(header: Sequence[str], said: Mapping[str, str], table: str) -> Co
     by_axis = [_known_unit(columns[key], "m") for key in "xy"]
     unit = said.get("unit") or by_axis[0] or by_axis[1] or "px"
     t_unit = said.get("t_unit") or _known_unit(columns.get("t", "t"), "s") or "s"
-    metre = None if unit.lower() in _PIXELS else parse_quantity(f"1 {unit}", "m")
+    metre = None if unit.lower() in _PIXEL_WORDS else parse_quantity(f"1 {unit}", "m")
     stretch = 1.0
     if metre is not None and "unit" not in said and all(by_axis):
         stretch = parse_quantity(f"1 {by_axis[1]}", "m") / metre
@@ -306,13 +306,13 @@ def unit_of(name: str) -> str | None:
     return None if unit is None or unit.lower() in ("x", "y") else unit_word(unit)
 
 
-_PIXELS = ("px", "pixel", "pixels")
+_PIXEL_WORDS = ("px", "pixel", "pixels")
 
 
 def _known_unit(name: str, base: str) -> str | None:
     """A unit in a column's name that can be converted; of another language none."""
     unit = unit_of(name)
-    if unit is None or unit.lower() in _PIXELS:
+    if unit is None or unit.lower() in _PIXEL_WORDS:
         return unit
     try:
         parse_quantity(f"1 {unit}", base)
@@ -340,7 +340,7 @@ MIN_LIKELIHOOD = 0.6
 TABLE_PX_PER_M = 1000.0
 """px/m: a table in metres is drawn at one millimetre per pixel (convention)."""
 
-MAX_CLOCK_DEVIATION = 0.25
+MAX_STEP_DEVIATION = 0.25
 """Fraction of a step by which times may deviate from an even clock (chosen)."""
 
 
@@ -367,7 +367,7 @@ def read_table_of_tracks(path: Path, said: Mapping[str, str]) -> ExternalTracks:
         notes: list[str] = []
         return _spreadsheet(sheet_of(path, notes), path, said, notes)
     lines = text_lines(path, "a table of tracks")
-    for recognises, read in _READERS:
+    for recognises, read in _TABLE_READERS:
         if recognises(lines):
             return read(lines, path, said)
     notes = []
@@ -442,7 +442,7 @@ def is_of_a_program(path: Path) -> bool:
     if not lines:
         return False
     trackpy = {"x", "y", "frame", "mass", "size"} <= {part.strip() for part in lines[0].split(",")}
-    return trackpy or any(recognises(lines) for recognises, _ in _READERS)
+    return trackpy or any(recognises(lines) for recognises, _ in _TABLE_READERS)
 
 
 def _is_kinovea_text(lines: Sequence[str]) -> bool:
@@ -517,7 +517,7 @@ def _frames(time_s: FloatArray) -> NDArray[np.int64]:
     steps = step / usual
     # above 2**53 every double is an integer, so that integer steps indicate no clock
     countable = float(np.sum(steps)) < 2.0 / np.finfo(np.float64).eps
-    if countable and np.max(np.abs(steps - np.rint(steps))) < MAX_CLOCK_DEVIATION:
+    if countable and np.max(np.abs(steps - np.rint(steps))) < MAX_STEP_DEVIATION:
         return np.concatenate([[0], np.cumsum(np.rint(steps))]).astype(np.int64)
     return np.arange(len(time_s))
 
@@ -979,7 +979,7 @@ def _tracker_text(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> 
         own = {_head(head): first + k for k, head in enumerate(heads[first:end])}
         frame = _values(table, own["frame"]) if "frame" in own else None  # type: ignore[arg-type]
         if {"pixelx", "pixely"} <= own.keys():
-            kind, shift = ("pixelx", "pixely"), CORNER_PX
+            kind, shift = ("pixelx", "pixely"), PIXEL_CORNER
         else:
             kind, shift = ("x", "y"), 0.0
         if not set(kind) <= own.keys():
@@ -1280,7 +1280,7 @@ def _sleap_h5(file: Any, path: Path) -> ExternalTracks:
 
 _Reader = Callable[[Sequence[str], Path, Mapping[str, str]], ExternalTracks]
 
-_READERS: tuple[tuple[Callable[[Sequence[str]], bool], _Reader], ...] = (
+_TABLE_READERS: tuple[tuple[Callable[[Sequence[str]], bool], _Reader], ...] = (
     (_is_kinovea_text, _kinovea_text),
     (_is_deeplabcut, _deeplabcut),
     (_is_tracker_text, _tracker_text),

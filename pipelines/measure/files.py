@@ -241,7 +241,7 @@ def results_table(measured: ClipMeasurement, names: Sequence[str] | None = None)
     return table
 
 
-_PROJECT_SUFFIXES = (".trk", ".kva")
+_WRITTEN_PROJECTS = (".trk", ".kva")
 """Of Tracker and Kinovea; other names get the track CSV."""
 
 
@@ -383,7 +383,7 @@ def _write_plot(path: Path, measured: ClipMeasurement) -> None:
 
 def _write_tracks(path: Path, measured: ClipMeasurement, clip: Path | None) -> None:
     """Write the track CSV, or another program's project if the file ending is that of one."""
-    if path.suffix.lower() in _PROJECT_SUFFIXES:
+    if path.suffix.lower() in _WRITTEN_PROJECTS:
         from pipelines.interop.measured import external_of, write_tracks
 
         write_tracks(path, external_of(measured, path, clip))
@@ -403,7 +403,7 @@ FloatArray = NDArray[np.float64]
 _PENDULUM_STRETCH_S = 0.08
 """s around contact in plots (chosen: five contact times on either side)."""
 
-_CAPTIONS = ("contact_time", "ball_speed", "launch_angle", "landing_distance", "cor")
+_CAPTIONED_QUANTITIES = ("contact_time", "ball_speed", "launch_angle", "landing_distance", "cor")
 
 
 def overlay_marks(measured: ClipMeasurement) -> OverlayMarks:
@@ -412,7 +412,7 @@ def overlay_marks(measured: ClipMeasurement) -> OverlayMarks:
     captions = tuple(
         f"{quantity_label(item.name)}: {quantity_text(item)}"
         for item in measured.quantities
-        if item.name in _CAPTIONS and item.known
+        if item.name in _CAPTIONED_QUANTITIES and item.known
     )
     grid = None if measured.grid is None else measured.grid.points_px
     marks = OverlayMarks(captions=captions, grid_px=grid, capture_fps=fps)

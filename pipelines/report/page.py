@@ -29,7 +29,7 @@ MAX_MAIN_ROWS = 5
 MAX_SHEET_ROWS, MAX_SHEET_PLOTS, MAX_SHEET_WARNINGS = 8, 2, 4
 """Results, plots and warnings on one A4 page (chosen: they fit on it)."""
 
-_CELL = """<div style="max-width:60rem">
+_NOTEBOOK_CELL = """<div style="max-width:60rem">
 {% if title %}<div><b>{{ title }}</b></div>{% endif %}
 {% for warning in warnings %}<div style="border-left:4px solid #b03a00;padding:.1rem .6rem;
 margin:.2rem 0">{{ warning[:1]|upper }}{{ warning[1:] }}</div>{% endfor %}
@@ -68,7 +68,7 @@ def results_html(
     # imported here: not every command that shows results writes a page
     from jinja2 import Environment, StrictUndefined
 
-    template = Environment(autoescape=True, undefined=StrictUndefined).from_string(_CELL)
+    template = Environment(autoescape=True, undefined=StrictUndefined).from_string(_NOTEBOOK_CELL)
     return template.render(title=title, rows=rows, warnings=warnings, still=still)
 
 

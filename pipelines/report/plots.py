@@ -31,7 +31,7 @@ __all__ = [
     "write_plot",
 ]
 
-_SUFFIXES = (".png", ".svg")
+_PLOT_SUFFIXES = (".png", ".svg")
 
 
 class Picture(Figure):
@@ -56,7 +56,7 @@ def save_figure(figure: Figure, path: Path, hint: str | None = None) -> None:
         If the file is neither .png nor .svg, or its folder can't be written to.
     """
     kind = path.suffix.lower()
-    if kind not in _SUFFIXES:
+    if kind not in _PLOT_SUFFIXES:
         raise UsageError(f"a plot is a .png or .svg file, not {path.name}", hint=hint)
     with written_whole(path) as temporary:
         draw_into(temporary, figure, kind)

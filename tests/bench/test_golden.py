@@ -2,7 +2,7 @@ import json
 
 from bench.golden.__main__ import _updated
 from bench.golden.compare import Judged, moves, unlisted
-from bench.golden.items import PARTS, QUICK, items_of
+from bench.golden.items import GOLDEN_PARTS, QUICK_ITEMS, items_of
 
 
 def _clip(value, std, kind="strike", probability=0.99):
@@ -97,9 +97,9 @@ def test_an_update_keeps_every_digit_and_the_items_that_were_not_run():
 
 
 def test_the_set_has_the_stated_sizes_and_its_quick_part_exists():
-    sizes = {part: len(names) for part, names in PARTS.items()}
+    sizes = {part: len(names) for part, names in GOLDEN_PARTS.items()}
     assert sizes == {
         "shipped": 3, "rendered": 6, "scenes": 12, "rooms": 20,
         "altered": 20, "clips": 12, "concealed": 20, "realdata": 6,
     }  # fmt: skip
-    assert {item.key for item in items_of(quick=True)} == QUICK
+    assert {item.key for item in items_of(quick=True)} == QUICK_ITEMS

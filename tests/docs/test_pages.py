@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.insert import MARK, filled, pages, read_results, values
+from bench.insert import INSERT_MARK, filled, pages, read_results, values
 from measuring.setup.file import load_setup
 
 ROOT = Path(__file__).parents[2]
@@ -62,7 +62,7 @@ def test_a_mark_without_a_result_is_an_error() -> None:
 def test_a_stale_number_is_replaced() -> None:
     key = "demo.ball_speed"
     text = filled(f"<!--={key}-->0<!--/-->", values())
-    assert MARK.sub("", text) == ""
+    assert INSERT_MARK.sub("", text) == ""
     assert "± 0.0" in text
 
 

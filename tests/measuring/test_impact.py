@@ -12,7 +12,7 @@ from measuring.budget import DERIVED, derived_values, random_covariance
 from measuring.flight_fit import flight_end
 from measuring.impact import (
     NEAR_PLANE_FRACTION,
-    STEEL,
+    STEEL_DENSITY,
     FaceEvidence,
     Impact,
     departure,
@@ -244,7 +244,7 @@ def test_a_mass_followed_by_its_near_side_gives_the_speeds_of_its_middle() -> No
     assert ideal.pivot_m is not None
     eye = np.array([0.8, -0.1, 3.5])
     inputs = gather_inputs(Setup(), "jokku", None)
-    half = 0.5 * (inputs.pendulum.mass / STEEL) ** (1.0 / 3.0)
+    half = 0.5 * (inputs.pendulum.mass / STEEL_DENSITY) ** (1.0 / 3.0)
     larger = 1.0 + NEAR_PLANE_FRACTION * half / eye[2]
     pivot = eye[:2] + larger * (ideal.pivot_m - eye[:2])
     phi = truth(shot)["contact_start"]

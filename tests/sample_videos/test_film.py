@@ -30,7 +30,7 @@ from sample_videos import (
     strike,
 )
 from sample_videos.film import Film
-from sample_videos.shot import LOOKS, Physics
+from sample_videos.shot import BALL_LOOKS, Physics
 from sample_videos.truth import film_truth
 
 CLEAN = Sensor(full_well=0.0, blur=0.0, vignetting=0.0, gamma=1.0)
@@ -243,7 +243,7 @@ def test_a_spinning_ball_turns_its_panels() -> None:
     early, late = shot.motion.at([0.1]).attitude[0], shot.motion.at([0.3]).attitude[0]
     angle = math.acos(0.5 * (np.trace(late @ early.T) - 1.0))
     assert angle == pytest.approx(abs(float(shot.contact.outcome.ball_spin)) * 0.2, rel=1e-6)
-    assert set(LOOKS) <= set(BALLS)
+    assert set(BALL_LOOKS) <= set(BALLS)
 
 
 def test_the_motion_is_continuous_through_contact_and_landing() -> None:

@@ -15,12 +15,12 @@ from sample_videos.shot import Physics, Shot, default_scene, staged
 
 __all__ = ["FILMED", "Filmed", "Take", "setup_text", "takes"]
 
-BACKSWINGS_DEG = (45.0, 60.0, 75.0, 90.0) * 2
-SIZE = (432, 240)
-REACH = 1.95
+FILMED_BACKSWINGS_DEG = (45.0, 60.0, 75.0, 90.0) * 2
+FILMED_SIZE = (432, 240)
+FILMED_REACH = 1.95
 DRAG = 0.47
 STATED_FPS = 600.0
-BALL = BALLS["jokku"]
+SHOT_BALL = BALLS["jokku"]
 SCATTER_DEG, COR_SCATTER = 0.2, 0.005
 TAPE_STD = 0.003
 
@@ -107,7 +107,7 @@ class Take:
 
 
 def _scene(filmed: Filmed) -> Scene:
-    scene = default_scene(ball=BALL, size=SIZE, reach=REACH, seed=17)
+    scene = default_scene(ball=SHOT_BALL, size=FILMED_SIZE, reach=FILMED_REACH, seed=17)
     wall = scene.room.wall
     camera = scene.camera
     if not filmed.grid:
@@ -130,26 +130,26 @@ def takes(filmed: Filmed, seed: int = 1) -> list[Callable[[], Take]]:
 
     def take(number: int) -> Take:
         rng = np.random.default_rng([seed, FILMED.index(filmed), number])
-        nominal = BACKSWINGS_DEG[number]
+        nominal = FILMED_BACKSWINGS_DEG[number]
         scene = replace(_scene(filmed), seed=100 * seed + number)
         scene = replace(
             scene,
-            launch_angle=BALL.launch_angle + np.radians(rng.normal(0.0, SCATTER_DEG)),
+            launch_angle=SHOT_BALL.launch_angle + np.radians(rng.normal(0.0, SCATTER_DEG)),
         )
         backswing = nominal + rng.normal(0.0, SCATTER_DEG)
         speed = float(
-            frictionless_speed(PAPER_PENDULUM, np.radians(backswing), BALL.launch_angle, 9.806)
+            frictionless_speed(PAPER_PENDULUM, np.radians(backswing), SHOT_BALL.launch_angle, 9.806)
         )
         physics = Physics(
             0.0,
             drag_coefficient=DRAG,
-            cor=float(np.asarray(BALL.cor(np.array(speed)))) + rng.normal(0.0, COR_SCATTER),
+            cor=float(np.asarray(SHOT_BALL.cor(np.array(speed)))) + rng.normal(0.0, COR_SCATTER),
             effects=tuple(Term(effect_named(n), dict(v)) for n, v in filmed.effects.items()),
         )
         scene, shot = staged(backswing, scene, physics=physics, after=6)
         return Take(f"{filmed.name}_{number + 1}", nominal, scene, shot)
 
-    return [lambda k=k: take(k) for k in range(len(BACKSWINGS_DEG))]  # type: ignore[misc]
+    return [lambda k=k: take(k) for k in range(len(FILMED_BACKSWINGS_DEG))]  # type: ignore[misc]
 
 
 def setup_text(filmed: Filmed) -> str:
@@ -190,7 +190,7 @@ cor_law = 0.01
 launch_angle_law = "0.3 deg"
 
 [ball]
-preset = "{BALL.name}"
+preset = "{SHOT_BALL.name}"
 
 [model]
 effects = ["gravity", "drag"]

@@ -28,7 +28,7 @@ def _gap(hidden: Hidden, setup: Mapping[str, Any]) -> float:
 
 
 # Recipes whose law differs from the catalogue's have no comparable parameter.
-PARAMETERS: dict[str, tuple[str, Callable[[Hidden, Mapping[str, Any]], float]]] = {
+LAB_PARAMETERS: dict[str, tuple[str, Callable[[Hidden, Mapping[str, Any]], float]]] = {
     "drag": ("drag_coefficient", _drag),
     "drag_crisis": ("coefficient_drop", _plain),
     "magnus": ("spin", _plain),
@@ -56,7 +56,7 @@ PARAMETERS: dict[str, tuple[str, Callable[[Hidden, Mapping[str, Any]], float]]] 
 
 def true_parameter(hidden: Hidden, setup: Mapping[str, Any]) -> tuple[str, float] | None:
     """Name and true value of the catalogue parameter for a concealed amplitude."""
-    entry = PARAMETERS.get(hidden.name)
+    entry = LAB_PARAMETERS.get(hidden.name)
     if entry is None:
         return None
     name, convert = entry

@@ -11,7 +11,7 @@ __all__ = ["Contact", "collide", "cor_target", "flight_force", "fly", "swing_dow
 
 SWING_STEP = 1e-3
 FLIGHT_STEP = 5e-4
-CONTACT_STEPS = 240
+WORLD_CONTACT_STEPS = 240
 GUST_EDGE = 0.004
 
 
@@ -125,12 +125,12 @@ def _touch(shots: Shots, damping: Array, start: Array) -> Contact:
     deepest = ((shots.force_exponent + 1) * reduced * impact_speed**2 / (2 * stiffness)) ** (
         1 / (shots.force_exponent + 1)
     )
-    step = 4.4 * deepest / impact_speed / CONTACT_STEPS
+    step = 4.4 * deepest / impact_speed / WORLD_CONTACT_STEPS
     path = integrate(
         lambda _, state: _contact_rate(shots, damping, stiffness, state),
         start,
         step,
-        3 * CONTACT_STEPS,
+        3 * WORLD_CONTACT_STEPS,
         lambda time, state: bool((_geometry(shots, state)[2] < -1e-6).all()),
     )
     time = first_crossing(path, lambda state: -_geometry(shots, state)[2])

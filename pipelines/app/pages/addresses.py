@@ -17,8 +17,8 @@ __all__ = ["app_of"]
 WAIT_FOR_FRAME_S = 4.0
 """s that a request waits for a frame that is not decoded yet (chosen: the browser asks again)."""
 
-_KEPT = {"cache-control": "private, max-age=86400, immutable"}
-_FRESH = {"cache-control": "no-store"}
+_STORED_A_DAY = {"cache-control": "private, max-age=86400, immutable"}
+_NOT_STORED = {"cache-control": "no-store"}
 
 
 def app_of(session: AppSession) -> FastAPI:
@@ -46,7 +46,7 @@ def _own_files(app: FastAPI) -> None:
         if name not in own:
             raise HTTPException(404)
         content, kind = own[name]
-        return Response(content, media_type=kind, headers=_FRESH)
+        return Response(content, media_type=kind, headers=_NOT_STORED)
 
 
 def _of_clip(app: FastAPI, session: AppSession) -> None:
@@ -58,14 +58,14 @@ def _of_clip(app: FastAPI, session: AppSession) -> None:
             content = clip.frames.jpeg(index, WAIT_FOR_FRAME_S)
         if content is None:
             raise HTTPException(404)
-        return Response(content, media_type="image/jpeg", headers=_KEPT)
+        return Response(content, media_type="image/jpeg", headers=_STORED_A_DAY)
 
     @app.get("/marks/{number}/{revision}")
     def marks(number: int, revision: int) -> JSONResponse:
         clip = session.clip
         if clip is None or clip.number != number:
             raise HTTPException(404)
-        return JSONResponse(clip.marks(), headers=_FRESH)
+        return JSONResponse(clip.marks(), headers=_NOT_STORED)
 
     @app.get("/sheet")
     def sheet() -> HTMLResponse:
@@ -78,7 +78,7 @@ def _of_clip(app: FastAPI, session: AppSession) -> None:
             text = sheet_html(clip.measured, clip.as_command(), label, word)
         except ImpactVisionError as problem:
             text = f"<!doctype html><p>{escape(word(problem.in_one_line))}</p>"
-        return HTMLResponse(text, headers=_FRESH)
+        return HTMLResponse(text, headers=_NOT_STORED)
 
 
 def _of_other_pages(app: FastAPI, session: AppSession) -> None:
@@ -88,11 +88,11 @@ def _of_other_pages(app: FastAPI, session: AppSession) -> None:
         content = None if folder is None else folder.picture(clip)
         if content is None:
             raise HTTPException(404)
-        return Response(content, media_type="image/jpeg", headers=_FRESH)
+        return Response(content, media_type="image/jpeg", headers=_NOT_STORED)
 
     @app.get("/why/{number}")
     def why(number: int) -> Response:
         clip = session.clip
         if clip is None or clip.number != number or clip.explained is None:
             raise HTTPException(404)
-        return Response(clip.explained.picture, media_type="image/png", headers=_FRESH)
+        return Response(clip.explained.picture, media_type="image/png", headers=_NOT_STORED)

@@ -26,7 +26,7 @@ __all__ = ["ClipPage", "copy_card", "job_status", "standing_text"]
 POLL_S = 0.2
 """s between updates from the session (chosen: appears immediate)."""
 
-_INPUTS = (
+_FIELDS = (
     ("fps", "fps", "600 fps"),
     ("ball", "ball_input", "220 mm, 0.35 kg"),
     ("wall_grid", "wall_grid", "50 mm"),
@@ -35,7 +35,7 @@ _INPUTS = (
 )
 """Inputs, the keys of their labels, and an example of each."""
 
-KINDS = ("strike", "flight", "drop", "bounce", "swing", "collision")
+ASKED = ("strike", "flight", "drop", "bounce", "swing", "collision")
 """Kinds of motion of which quantities are measured."""
 
 
@@ -50,10 +50,10 @@ _POINTED = (
 )
 """What can be pointed at, and the keys of the buttons."""
 
-_AXES = {"axes_x": 0.0, "axes_y": 90.0}
+_TURNS = {"axes_x": 0.0, "axes_y": 90.0}
 """Ends of axes, and their directions from the x axis, degrees."""
 
-_ENDS = ("end0", "end1")
+_STICK = ("end0", "end1")
 _OBJECTS = ("ball", "mass", "ignored")
 """What can be placed in the frame: ends of a calibration stick, and objects."""
 
@@ -261,7 +261,7 @@ class ClipPage:
 
     def _cures(self, options: tuple[str, ...]) -> None:
         """A button for each input that alone resolves a contradiction."""
-        keys = {name: key for name, key, _ in _INPUTS}
+        keys = {name: key for name, key, _ in _FIELDS}
         for found in (cure_of(one, keys) for one in options):
             if found is None:
                 continue
@@ -284,13 +284,13 @@ class ClipPage:
                 ui.label(say("inputs"))
             self._fields: dict[str, Any] = {}
             with ui.element("div").classes("va-form"):
-                for name, key, example in _INPUTS:
+                for name, key, example in _FIELDS:
                     text = getattr(self.clip.corrections.inputs, name)
                     field = ui.input(say(key), value=text, placeholder=example)
                     field.props(f"dense outlined stack-label data-test={name}")
                     field.on("keydown.enter", self._measure)
                     self._fields[name] = field
-                kinds = {"": say("kind_found"), **{name: say(f"kind_{name}") for name in KINDS}}
+                kinds = {"": say("kind_found"), **{name: say(f"kind_{name}") for name in ASKED}}
                 now = self.clip.corrections.inputs.kind
                 choice = ui.select(kinds, value=now, label=say("kind"))
                 choice.props("dense outlined stack-label data-test=kind")
@@ -343,12 +343,12 @@ class ClipPage:
         placed = self._frame.placed(name, sent)
         if placed is None:
             return
-        if placed.kind in _ENDS:
+        if placed.kind in _STICK:
             self._place_end(placed)
         elif placed.kind in FIXED_POINTS:
             at: dict[str, Any] = {placed.kind: (placed.x, placed.y)}
             self.clip.change(replace(self.clip.corrections, **at))
-        elif placed.kind in ("axes", *_AXES):
+        elif placed.kind in ("axes", *_TURNS):
             self._place_axes(placed)
         elif placed.kind in _OBJECTS:
             moved = not placed.pointed
@@ -363,7 +363,7 @@ class ClipPage:
         else:
             x, y = placed.x - axes.x_px, axes.y_px - placed.y
             side = -1.0 if self._end_of_axis(axes, placed.kind)[2].startswith("−") else 1.0
-            turn = math.degrees(math.atan2(side * y, side * x)) - _AXES[placed.kind]
+            turn = math.degrees(math.atan2(side * y, side * x)) - _TURNS[placed.kind]
             axes = replace(axes, turn_deg=round((turn + 180.0) % 360.0 - 180.0, 2))
         self.clip.change(replace(now, axes=axes))
 
@@ -371,7 +371,7 @@ class ClipPage:
         """A point of an axis within the frame, and its label."""
         info = self.clip.frames.info
         assert info is not None
-        arm, turn = 0.25 * min(info.width, info.height), axes.turn_deg + _AXES[kind]
+        arm, turn = 0.25 * min(info.width, info.height), axes.turn_deg + _TURNS[kind]
         x, y = arm * math.cos(math.radians(turn)), -arm * math.sin(math.radians(turn))
         if 0.0 <= axes.x_px + x < info.width and 0.0 <= axes.y_px + y < info.height:
             return axes.x_px + x, axes.y_px + y, kind[-1]
@@ -383,7 +383,7 @@ class ClipPage:
             return []
         return [
             FramePoint("axes", axes.x_px, axes.y_px, "0"),
-            *(FramePoint(kind, *self._end_of_axis(axes, kind), join="axes") for kind in _AXES),
+            *(FramePoint(kind, *self._end_of_axis(axes, kind), join="axes") for kind in _TURNS),
         ]
 
     def _place_end(self, placed: PlacedAt) -> None:
@@ -396,7 +396,7 @@ class ClipPage:
 
     def _use_stick(self) -> None:
         length = str(self._length.value or "").strip()
-        if len(self._ends) < len(_ENDS):
+        if len(self._ends) < len(_STICK):
             return
         if not length:
             ui.notify(self.say("stick_needs_length"))

@@ -18,7 +18,7 @@ from pipelines.app.campaign import (
     FolderState,
     Wanted,
 )
-from pipelines.app.graphs import COLOURS
+from pipelines.app.graphs import SERIES_COLOURS
 from pipelines.app.words import Say, label_of, on_page
 
 __all__ = ["FolderPage", "cor_options"]
@@ -29,7 +29,7 @@ POLL_S = 1.0
 MAX_CARDS = 60
 """Cards shown (chosen: more slow the browser down); the uncertain ones come first."""
 
-_INPUTS = (
+_FOLDER_FIELDS = (
     ("trials", "trials", "trials.csv"),
     ("setup", "setup_input", "setup.toml"),
     ("fps", "fps", "600 fps"),
@@ -56,7 +56,7 @@ def cor_options(state: FolderState, say: Say) -> dict[str, Any]:
             "name": say(key),
             "type": "scatter",
             "symbolSize": 9,
-            "itemStyle": {"color": colour, "borderColor": COLOURS[0]},
+            "itemStyle": {"color": colour, "borderColor": SERIES_COLOURS[0]},
             "data": [
                 {"value": [speed, cor], "name": clip}
                 for speed, cor, clip, counts in state.points
@@ -64,7 +64,7 @@ def cor_options(state: FolderState, say: Say) -> dict[str, Any]:
             ],
         }
         for key, wanted, colour in (
-            ("counts", True, COLOURS[0]),
+            ("counts", True, SERIES_COLOURS[0]),
             ("excluded", False, "transparent"),
         )
     ]
@@ -137,7 +137,7 @@ class FolderPage:
     def _form(self) -> None:
         say, texts = self.say, {}
         with ui.element("div").classes("va-form"):
-            for name, key, example in _INPUTS:
+            for name, key, example in _FOLDER_FIELDS:
                 value = getattr(self.folder.inputs, name)
                 field = ui.input(say(key), value=value, placeholder=example)
                 texts[name] = field.props(f"dense outlined stack-label data-test={name}")

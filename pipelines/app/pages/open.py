@@ -22,7 +22,7 @@ from pipelines.app.words import Say, on_page
 
 __all__ = ["OpenPage"]
 
-_KINDS = {"strike": "strike", "drop": "drop_kind", "swing": "swing"}
+_SAMPLE_NAMES = {"strike": "strike", "drop": "drop_kind", "swing": "swing"}
 
 
 class OpenPage:
@@ -70,7 +70,7 @@ class OpenPage:
                     ui.label(say("samples"))
                 with ui.element("div").classes("va-grid"):
                     for sample in samples():
-                        name, about = say(_KINDS[sample.kind]), say(f"sample_{sample.kind}")
+                        name, about = say(_SAMPLE_NAMES[sample.kind]), say(f"sample_{sample.kind}")
                         self._pick(name, about, f"sample-{sample.kind}", self._copy(sample))
             self._how_to_film()
 

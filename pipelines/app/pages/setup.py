@@ -17,7 +17,7 @@ from pipelines.app.pages.clip import copy_card, job_status
 from pipelines.app.pages.frame import ClipFrame, FramePoint
 from pipelines.app.session import ClipSession
 from pipelines.app.words import Say, on_page
-from pipelines.calibrate.answers import NOTHING, OPTIONS, Answers, text_of
+from pipelines.calibrate.answers import ANSWER_OPTIONS, EMPTY_ANSWERS, Answers, text_of
 from pipelines.calibrate.corners import starting_corners
 from pipelines.calibrate.drawing import RAMP, grid_lines, path_line, shaded_map
 from pipelines.calibrate.outlook import compare_length
@@ -64,8 +64,8 @@ _CARDS: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
 )
 """Cards: key of the title, and their answers with the key of the label and an example."""
 
-_CORNERS = ("corner0", "corner1", "corner2", "corner3")
-_ENDS = ("end0", "end1")
+_GRID = ("corner0", "corner1", "corner2", "corner3")
+_BAR = ("end0", "end1")
 
 
 def started(clip: Path, inputs: ClipInputs) -> Session:
@@ -95,7 +95,7 @@ def command_of(answers: Answers) -> str:
     words: list[str] = ["vision", "calibrate", str(answers.scene.info.path)]
     if answers.begun is not None:
         words += ["--setup", str(answers.begun)]
-    for name in OPTIONS:
+    for name in ANSWER_OPTIONS:
         if text := text_of(answers, name):
             words += [f"--{name.replace('_', '-')}", text]
     return as_typed([*words, "--yes", "--out", answers.out])
@@ -262,9 +262,9 @@ class SetupPage:
     def length(self) -> None:
         """Length between the two ends, compared with the known one."""
         session = self.session
-        if session is None or session.outlook.calibration is None or len(self._ends) < len(_ENDS):
+        if session is None or session.outlook.calibration is None or len(self._ends) < len(_BAR):
             return
-        first, second = (np.array(self._ends[key]) for key in _ENDS)
+        first, second = (np.array(self._ends[key]) for key in _BAR)
         compared = compare_length(
             session.outlook.calibration,
             first,
@@ -370,14 +370,14 @@ class SetupPage:
         if placed is None or session is None:
             return
         px = np.array([placed.x, placed.y])
-        if placed.kind in _ENDS:
+        if placed.kind in _BAR:
             self._ends[placed.kind] = (placed.x, placed.y)
             if placed.pointed and placed.kind == "end0":
                 self._frame.point("end1", shown_as="end0")
             self.length.refresh()
-        elif placed.kind in _CORNERS:
+        elif placed.kind in _GRID:
             corners = self._handles_of(session.answers)
-            corners[_CORNERS.index(placed.kind)] = px
+            corners[_GRID.index(placed.kind)] = px
             session.answers = replace(session.answers, corners=corners)
         elif placed.kind == "origin":
             self._submit("computing", lambda: session.apply("origin", partial(_with_origin, px)))
@@ -402,9 +402,9 @@ class SetupPage:
         ]
         if self._by_hand:
             points += [
-                FramePoint(kind, float(x), float(y), str(k + 1), _CORNERS[k - 1])
+                FramePoint(kind, float(x), float(y), str(k + 1), _GRID[k - 1])
                 for k, (kind, (x, y)) in enumerate(
-                    zip(_CORNERS, self._handles_of(answers), strict=True)
+                    zip(_GRID, self._handles_of(answers), strict=True)
                 )
             ]
         return points + [FramePoint(key, x, y, "", "end0") for key, (x, y) in self._ends.items()]
@@ -446,7 +446,7 @@ class SetupPage:
     def _take(self, name: str, label: str, text: str) -> None:
         session = self.session
         if session is not None:
-            given = "" if text.lower() in NOTHING else text
+            given = "" if text.lower() in EMPTY_ANSWERS else text
             self._submit("computing", lambda: session.answer(label, name, given))
 
     def _follow(self) -> None:

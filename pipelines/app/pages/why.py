@@ -16,7 +16,7 @@ from vision.tracks import MotionKind
 
 __all__ = ["ClipExplained", "WhyPage", "command_of", "explained"]
 
-_STRUCK = (MotionKind.STRIKE, MotionKind.COLLISION)
+_WITH_STRIKE = (MotionKind.STRIKE, MotionKind.COLLISION)
 """Motions that the model of the set-up has; of others it has gravity alone."""
 
 POLL_S = 0.3
@@ -92,7 +92,7 @@ class WhyPage:
             with ui.column().classes("va-card"):
                 with ui.element("h1"):
                     ui.label(say("why_of", name=clip.path.name))
-                struck = clip.measured is None or clip.measured.motion.measured_as in _STRUCK
+                struck = clip.measured is None or clip.measured.motion.measured_as in _WITH_STRIKE
                 ui.label(say("why_note" if struck else "why_alone")).classes("va-small")
                 if clip.measured is None:
                     ui.label(say("nothing_to_export")).props("data-test=empty")

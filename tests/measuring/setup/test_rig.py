@@ -11,7 +11,7 @@ from measuring.inputs import gather_inputs
 from measuring.setup.file import Origin, Setup, read_setup, rig_of
 from metrology import Default, Defaults, SetupError, UsageError
 from physics.air import moist_air_density
-from pipelines.calibrate.answers import OPTIONS
+from pipelines.calibrate.answers import ANSWER_OPTIONS
 from vision.clip.footage import CaptureRate
 
 SURE = """
@@ -172,7 +172,7 @@ def test_a_wrong_grid_is_refused_alike_by_option_setup_and_wizard(typed: object)
     with pytest.raises(UsageError) as by_option:
         gather_inputs(Setup(), None, str(typed))
     with pytest.raises(UsageError) as by_wizard:
-        OPTIONS["wall_grid"].read(None, str(typed), "--wall-grid")  # type: ignore[arg-type]
+        ANSWER_OPTIONS["wall_grid"].read(None, str(typed), "--wall-grid")  # type: ignore[arg-type]
     assert str(by_option.value) == str(by_wizard.value)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from bench.planning import COMPARED, SETTINGS, compared
+from bench.planning import PLANNED_QUANTITIES, SETTINGS, compared
 from measuring.measurement import QUANTITY_UNITS
 from pipelines.calibrate.plan import Filming, PlannedRecording, compare_changes, predict_recording
 from pipelines.cli import app
@@ -96,7 +96,7 @@ def test_what_makes_no_sense_is_refused(options: list[str], words: str) -> None:
 @pytest.mark.timeout(1200)
 def test_the_renderer_confirms_the_plan() -> None:
     rows = compared(SETTINGS["dim, small image, distances measured"], 2)
-    assert {row.name for row in rows} == set(COMPARED)
+    assert {row.name for row in rows} == set(PLANNED_QUANTITIES)
     z = np.concatenate([np.array(row.errors) / row.predicted for row in rows])
     assert len(z) >= 12
     # sixteen values, correlated within a clip: a factor of two about 1 is what they can tell

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from bench.inputs.everywhere import ASKED, CLIPS, WRONG, is_same
+from bench.inputs.everywhere import ASKED, CLIP_FOLDER, WRONG, is_same
 from pipelines.cli import app
 
 
@@ -22,7 +22,7 @@ def test_the_finding_is_the_same_everywhere(
 def test_what_is_assumed_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("IMPACT_VISION_CACHE", str(tmp_path.parent / "kept"))
     ran = CliRunner().invoke(
-        app, ["measure", str(CLIPS / "jokku_90_small.mp4"), "--fps", "600", "--ball", "jokku"]
+        app, ["measure", str(CLIP_FOLDER / "jokku_90_small.mp4"), "--fps", "600", "--ball", "jokku"]
     )
     said = ran.stderr.splitlines()
     assumed = [line for line in said if line.startswith("assumed: ")]
