@@ -443,10 +443,16 @@ def _landing(tracks: Tracks, landing_at: tuple[float, float]) -> Tracks:
 
 
 def _opened(path: Path, every: int, kept: KeptResults | None) -> ClipReader:
+    def opened() -> ClipReader:
+        return ClipReader.open(path, every=every, least_frames=MIN_MOTION_FRAMES)
+
     if kept is None or not os.path.exists(path):
-        return ClipReader.open(path, every=every)
-    key = path, clip_digest(path), every
-    return kept.once("clip", key, lambda: ClipReader.open(path, every=every))
+        return opened()
+    return kept.once("clip", (path, clip_digest(path), every), opened)
+
+
+MIN_MOTION_FRAMES = 4
+"""Frames of a recording (derived: a parabola has three parameters; one more tests it)."""
 
 
 def measurement_of(

@@ -278,7 +278,11 @@ def _why(quantity: Quantity, scene: ClipConditions) -> str:
             f"A capture rate other than {scene.rate.fps:g} fps, or another scale, would explain it;"
             " the flight in view is too short to distinguish them"
         )
-    near = [other for other in _COMMON_RATES if abs(other / rate - 1) < max(3 * rate_std, 0.02)]
+    near = [
+        other
+        for other in _COMMON_RATES
+        if abs(other / rate - 1) < max(3 * rate_std, 0.02) and other != scene.rate.fps
+    ]
     nearest = min(near, key=lambda other: abs(other - rate), default=None)
     named = "" if nearest is None else f" ({nearest:g} fps, with --fps {nearest:g}?)"
     return (

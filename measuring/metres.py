@@ -23,7 +23,7 @@ from metrology.kept import KeptResults
 from metrology.least_squares import minimise
 from vision.ball.outline import RADIUS_STD_PX
 from vision.ball.refine import MODEL_STD_PX
-from vision.tracks import PendulumTrack, Track, Tracks
+from vision.tracks import PendulumTrack, Track, Tracks, find_rest
 
 __all__ = [
     "ARM_RELATIVE_STD",
@@ -484,7 +484,8 @@ def _rest_frames(tracks: Tracks) -> tuple[int, int]:
     """First and last frame of the ball's rest."""
     if tracks.rest_frames is None:
         raise NotFoundError(
-            "the ball is never at rest in the clip, so there is no strike to measure",
+            "the ball is never at rest in the clip, so there is no strike to measure"
+            + _backwards(tracks.ball),
             hint="Start the clip before the ball is struck, or point at the ball with --ball-at.",
         )
     first, last = tracks.rest_frames
@@ -496,10 +497,19 @@ def _rest_frames(tracks: Tracks) -> tuple[int, int]:
         )
     if _moves_at_rest(tracks.ball, still):
         raise NotFoundError(
-            "the tracked object moves from the first frame on, so there is no strike to measure",
+            "the tracked object moves from the first frame on, so there is no strike to measure"
+            + _backwards(tracks.ball),
             hint="Start the clip before the ball is struck, or point at the ball with --ball-at.",
         )
     return first, last
+
+
+def _backwards(ball: Track) -> str:
+    """A hint where a ball comes to the rest from which it starts in a clip played in reverse."""
+    frame, centre = -ball.frame[::-1], ball.centre_px[::-1]
+    if find_rest(frame, centre, float(np.median(ball.radius_px))) is None:
+        return ""
+    return ": it ends at rest, as in a clip that is played in reverse; turn such a clip round"
 
 
 def _moves_at_rest(ball: Track, still: NDArray[np.bool_]) -> bool:

@@ -98,10 +98,12 @@ def _frozen(time: FloatArray, place: FloatArray) -> SlowPart | None:
     for begin, end in zip(first.tolist(), last.tolist(), strict=True):
         if end - begin < steps or begin < steps or end > len(velocity) - steps:
             continue
-        before, _ = _at_end(velocity[begin - steps : begin][::-1])
-        after, _ = _at_end(velocity[end : end + steps])
+        before, noise = _at_end(velocity[begin - steps : begin][::-1])
+        after, more = _at_end(velocity[end : end + steps])
         usual = 0.5 * float(np.hypot(*before) + np.hypot(*after))
-        if np.hypot(*(after - before)) < _MAX_MISMATCH * usual:
+        # the noise of a rest is no motion that goes on
+        moves = usual > _MIN_SIGMAS * max(noise, more)
+        if moves and np.hypot(*(after - before)) < _MAX_MISMATCH * usual:
             return SlowPart(begin, end, float("inf"))
     return None
 

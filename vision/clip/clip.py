@@ -31,6 +31,7 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from fractions import Fraction
 from itertools import islice
 from pathlib import Path
@@ -43,7 +44,7 @@ from av.stream import Disposition
 from numpy.typing import NDArray
 
 from metrology import ClipError
-from vision.clip.images import MOSAIC_NOTE, Animation, ImageFolder, is_animation
+from vision.clip.images import MOSAIC_NOTE, Animation, ImageFolder, is_animation, is_image
 from vision.clip.mosaic import Mosaic, mosaic_of
 from vision.clip.picture import (
     ClipInfo,
@@ -301,9 +302,13 @@ class VideoFile:
             stamps.append(picture.frame.pts)
             interlaced |= bool(picture.frame.interlaced_frame)
         if first is None:
-            raise _unsupported(path) or ClipError(
-                f"no picture of {path} can be decoded",
-                hint="The file is damaged. Copy it from the camera again.",
+            raise (
+                _unsupported(path)
+                or _phantom(path)
+                or ClipError(
+                    f"no picture of {path} can be decoded",
+                    hint="The file is damaged. Copy it from the camera again.",
+                )
             )
         self._by_order = None in stamps or bool(np.any(np.diff(np.array(stamps)) <= 0))
         self.first_picture = first
@@ -512,18 +517,68 @@ def _unsupported(path: Path) -> ClipError | None:
     return ClipError(f"{path} is {named[0]}, which is not supported", hint=named[1])
 
 
+def _phantom(path: Path) -> ClipError | None:
+    if _head(path)[:2] != b"CI":
+        return None
+    return ClipError(
+        f"{path} is a recording of Phantom that can't be decoded",
+        hint="Convert it with Phantom Camera Control (PCC): save as AVI, or as 16 bit TIFF.",
+    )
+
+
+def _head(path: Path) -> bytes:
+    if not os.access(path, os.R_OK):
+        return b""
+    with path.open("rb") as file:
+        return file.read(12)
+
+
+def _missing(place: Path) -> ClipError:
+    """Why there is no such file, by its name and its neighbours."""
+    hint = "Check the name and the folder."
+    stub = place.with_name(f".{place.name}.icloud")
+    if re.match(r"\w{2,}:/", str(place)):
+        hint = "It is an address: download the video first, and pass the file."
+    elif stub.exists():
+        hint = "It is in iCloud alone: download it in the Files app or the Finder."
+    elif re.search(r"[*?%]", place.name):
+        hint = f"It is a pattern of names: pass the folder of the pictures, {place.parent}."
+    elif place.parent.is_dir():
+        near = [one.name for one in islice(place.parent.iterdir(), _MAX_NEIGHBOURS)]
+        alike = get_close_matches(place.name, near, n=1)
+        hint = f"Did you mean {alike[0]}? {hint}" if alike else hint
+    return ClipError(f"there is no file {place}", hint=hint)
+
+
+_MAX_NEIGHBOURS = 1000
+"""Names of a folder compared with a missing one (chosen)."""
+
+
+def _too_few(place: Path, frames: int) -> ClipError:
+    """A recording of too few pictures for any motion."""
+    hint = "Pass the whole recording."
+    if place.is_file() and is_image(place):
+        others = [one for one in islice(place.parent.iterdir(), _MAX_NEIGHBOURS) if is_image(one)]
+        if others[1:]:
+            hint = f"It is one picture of {len(others)}: pass their folder, {place.parent}."
+    return ClipError(
+        f"{place} has {frames} frame{'s' * (frames > 1)}, too few to show a motion", hint=hint
+    )
+
+
+_TRACKS = {".csv", ".tsv", ".xlsx", ".trk", ".trz", ".kva"}
+"""Suffixes of files of tracks."""
+
+
 def _unreadable(path: Path, problem: FFmpegError) -> ClipError:
-    head = b""
-    if os.access(path, os.R_OK):
-        with path.open("rb") as file:
-            head = file.read(12)
-    named = _unsupported(path)
+    head = _head(path)
+    named = _unsupported(path) or _phantom(path)
     if named is not None:
         return named
-    if head[:2] == b"CI":
+    if path.suffix.lower() in _TRACKS:
         return ClipError(
-            f"{path} is a recording of Phantom that can't be decoded",
-            hint="Convert it with Phantom Camera Control (PCC): save as AVI, or as 16 bit TIFF.",
+            f"{path} holds a table or tracks, not pictures",
+            hint=f"Pass tracks of another program so: vision measure --from-tracks {path}",
         )
     if head[4:8] in (b"ftyp", b"mdat", b"wide", b"moov", b"free", b"skip"):
         return ClipError(
@@ -1008,7 +1063,7 @@ class ClipReader:
         """
         place = Path(path)
         if not os.path.exists(place):
-            raise ClipError(f"there is no file {place}", hint="Check the name and the folder.")
+            raise _missing(place)
         if place.is_dir():
             folder = ImageFolder(place, whole=whole)
             clip = cls(*_without_repeats(folder), folder.upright)
@@ -1031,10 +1086,7 @@ class ClipReader:
         if every > 1:
             clip = clip._thinned(every)
         if clip.info.frames < least_frames:
-            raise ClipError(
-                f"{place} has {clip.info.frames} frame; a still picture shows no motion",
-                hint="Pass the whole recording.",
-            )
+            raise _too_few(place, clip.info.frames)
         return clip
 
     def _thinned(self, every: int) -> "ClipReader":

@@ -155,7 +155,7 @@ def _no_images(path: Path, held: Sequence[Path]) -> ClipError:
     raws = [one for one in held if one.suffix.lower() in _RAW_SUFFIXES]
     if videos:
         hint = (
-            f"It holds {len(videos)} videos: pass one of them, or measure all with"
+            f"It holds videos ({videos[0].name}, …): pass one of them, or measure all with"
             " vision campaign FOLDER (in Python: iv.campaign)."
         )
     elif raws:

@@ -129,3 +129,13 @@ def test_a_frozen_picture_in_a_flight() -> None:
     # a ball that is caught and thrown again goes on otherwise
     place[80:] = place[79] - (place[80:] - place[79])
     assert find_slow_part(np.arange(len(place), dtype=float), place) is None
+
+
+@pytest.mark.parametrize("seed", [46, 70, 98, 193, 198, 252])
+def test_the_noise_of_a_rest_is_no_frozen_picture(seed: int) -> None:
+    time = np.arange(160.0)
+    flown = np.maximum(time - 60.0, 0.0)
+    noise = np.where((time > 18.0) & (time < 29.0), 0.01, 0.07)
+    place = np.column_stack([0.6 * flown, 0.003 * flown**2 - 0.4 * flown])
+    place += np.random.default_rng(seed).normal(0.0, 1.0, (160, 2)) * noise[:, None]
+    assert find_slow_part(time, place) is None

@@ -102,6 +102,14 @@ def test_a_strike_out_of_the_clip_gives_no_number_of_a_strike(
     assert [item.name for item in found.quantities if item.known and item.name in STRUCK] == []
 
 
+def test_a_strike_played_in_reverse_is_named(tmp_path: Path) -> None:
+    pictures = coloured(struck_ball(80)[0].pictures)[::-1]
+    path = written(pictures, tmp_path / "clip.mp4")
+    found = measure_clip(path, MeasureOptions(ball="basketball", fps=200.0, kind=MotionKind.STRIKE))
+    reasons = {one.reason for one in found.quantities if not one.known}
+    assert any("played in reverse" in (reason or "") for reason in reasons)
+
+
 @pytest.mark.slow
 def test_of_two_strikes_one_is_measured_and_how_to_measure_the_other_is_told(
     tmp_path: Path,
@@ -125,6 +133,11 @@ def test_of_two_strikes_one_is_measured_and_how_to_measure_the_other_is_told(
     # in frames: whether the fall tells the camera's rate, too, is decided by what the encoder wrote
     ends = [one.tracks.rest_frames[1] for one in (found, other)]
     assert ends[1] - ends[0] == pytest.approx(len(centres), abs=4.0)
+
+
+def test_a_few_pictures_are_no_recording(tmp_path: Path) -> None:
+    with pytest.raises(ClipError, match="3 frames, too few"):
+        measure_clip(written(coloured(struck_ball(80)[0].pictures[:3]), tmp_path / "clip.mp4"))
 
 
 def test_noise_holds_no_ball(tmp_path: Path) -> None:

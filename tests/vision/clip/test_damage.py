@@ -25,6 +25,31 @@ def test_missing_file(tmp_path):
     assert "there is no file" in refusal(tmp_path / "none.mp4")
 
 
+@pytest.mark.parametrize(
+    ("name", "cure"),
+    [
+        ("https://example.org/a.mp4", "download"),
+        ("b.mp4", "in iCloud alone"),
+        ("%04d.png", "pass the folder"),
+        ("0001.png", "one picture of 5: pass their folder"),
+        ("throw.mov", "Did you mean Throw.mov?"),
+        ("t.csv", "--from-tracks"),
+        ("a.cine", "Phantom Camera Control"),
+    ],
+)
+def test_the_hint_names_what_was_meant(tmp_path, name, cure):
+    for number in range(5):
+        cv2.imwrite(str(tmp_path / f"{number:04d}.png"), scene(20, 20))
+    for other in ("Throw.mov", ".b.mp4.icloud"):
+        (tmp_path / other).write_bytes(b"x")
+    (tmp_path / "t.csv").write_text("t,x,y\n0,1,2\n")
+    (tmp_path / "a.cine").write_bytes(b"CI\x2c\0\1\0" + bytes(200))
+    path = name if "://" in name else tmp_path / name
+    with pytest.raises(ClipError) as caught:
+        ClipReader.open(path)
+    assert cure in caught.value.hint
+
+
 def test_empty_file(tmp_path):
     path = tmp_path / "empty.mp4"
     path.touch()
@@ -59,9 +84,9 @@ def test_tags_in_another_encoding_hide_no_picture(tmp_path):
 
 
 def test_single_frame(tmp_path):
-    assert "shows no motion" in refusal(write_clip(tmp_path / "one.mp4", moving_disc(1)))
+    assert "too few" in refusal(write_clip(tmp_path / "one.mp4", moving_disc(1)))
     cv2.imwrite(str(tmp_path / "photo.png"), scene(20, 20))
-    assert "shows no motion" in refusal(tmp_path / "photo.png")
+    assert "too few" in refusal(tmp_path / "photo.png")
     assert ClipReader.open(tmp_path / "photo.png", least_frames=1).info.frames == 1
 
 
