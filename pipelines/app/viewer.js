@@ -169,7 +169,8 @@ function circle(x, y, r, kind, label) {
   const unit = pixel();
   make("svg:circle", {cx: x, cy: y, r, class: "vs-" + kind, "stroke-width": 1.6 * unit}, now.svg);
   make("svg:circle", {cx: x, cy: y, r: 1.2 * unit, class: "vs-dot vs-" + kind}, now.svg);
-  if (label) name(x + r + 3 * unit, y - r, label);
+  // the pendulum's below: in contact the names would cover each other
+  if (label) name(x + r + 3 * unit, kind === "mass" ? y + r + 9 * unit : y - r, label);
 }
 function name(x, y, text) {
   const unit = pixel(), left = x > 0.85 * now.width;

@@ -25,7 +25,7 @@ from pipelines.calibrate.session import Session, session_of, with_corners
 from pipelines.terminal import as_typed
 from pipelines.web import Jobs
 
-__all__ = ["SETUP_NAME", "SetupPage", "command_of", "started"]
+__all__ = ["SETUP_NAME", "SetupPage", "command_of", "python_of", "started"]
 
 POLL_S = 0.25
 """s between updates from the session (chosen: appears immediate)."""
@@ -99,6 +99,14 @@ def command_of(answers: Answers) -> str:
         if text := text_of(answers, name):
             words += [f"--{name.replace('_', '-')}", text]
     return as_typed([*words, "--yes", "--out", answers.out])
+
+
+def python_of(answers: Answers) -> str:
+    """The same calibration in Python, which has no use for the pendulum."""
+    given = {name: text_of(answers, name) for name in ANSWER_OPTIONS if "pendulum" not in name}
+    arguments = "".join(f", {name}={text!r}" for name, text in given.items() if text)
+    clip = str(answers.scene.info.path)
+    return f"import impact_vision as iv\n\nc = iv.calibrate({clip!r}{arguments})\nprint(c)"
 
 
 def _millimetres(length: float | None) -> str:
@@ -358,10 +366,11 @@ class SetupPage:
 
     @ui.refreshable_method
     def repeats(self) -> None:
-        """The same calibration as a command."""
+        """The same calibration as a command and in Python."""
         # the command without questions needs a wall grid
         if self.session is not None and self.session.answers.grid is not None:
-            copy_card(self.say, command_of(self.session.answers), "")
+            answers = self.session.answers
+            copy_card(self.say, command_of(answers), python_of(answers))
 
     def on_viewer(self, name: str, sent: dict[str, Any]) -> None:
         """React to a point that was placed or dragged."""

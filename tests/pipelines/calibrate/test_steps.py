@@ -3,6 +3,7 @@
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,7 +15,9 @@ from calib.lens import read_lens
 from calib.solve import camera_movement
 from measuring.setup.file import load_setup
 from metrology import CalibrationError, ClipError, SetupError, UsageError
+from pipelines.app.pages.setup import python_of
 from pipelines.calibrate.answers import (
+    ANSWER_OPTIONS,
     Answers,
     StillScene,
     answered,
@@ -53,6 +56,15 @@ def typed(answers: Answers, **texts: str) -> Answers:
     for name, text in texts.items():
         answers = answered(answers, name, text)
     return answers
+
+
+def test_the_page_gives_the_same_calibration_in_python(calibrated: Answers, clip: Path) -> None:
+    namespace: dict[str, Any] = {}
+    answers = typed(calibrated, pendulum_mass="2 kg")
+    exec(python_of(answers).removesuffix("print(c)"), namespace)
+    said = namespace["c"]._session.answers
+    for name in ANSWER_OPTIONS:
+        assert text_of(said, name) == text_of(calibrated, name)
 
 
 def grid_of(answers: Answers) -> WallGrid:
