@@ -247,10 +247,9 @@ def _evidence(found: Record) -> dict[str, Callable[[], str]]:
     known["evidence.clips"] = lambda: _real_clips_table(real)
     known["evidence.clips.summary"] = lambda: _summary_table(clips)
     known["evidence.speed"] = lambda: _speed_table(clips, tables)
-    for part in ("concealed", "realdata"):
-        own = {k: v for k, v in tables.items() if k.startswith(f"{part}/")}
-        known[f"evidence.{part}"] = partial(_campaigns_table, own)
-        known[f"evidence.{part}.summary"] = partial(_campaigns_summary, own)
+    own = {k: v for k, v in tables.items() if k.startswith("concealed/")}
+    known["evidence.concealed"] = partial(_campaigns_table, own)
+    known["evidence.concealed.summary"] = partial(_campaigns_summary, own)
     return known
 
 

@@ -456,10 +456,16 @@ def _those_that_compete_finished(
     rival = _ahead(tried)
     return [
         _continued(forward, base, h, rival)
-        if h.penalised_gain > least or h.fit.ending is Ending.UNFINISHED
+        if (h.penalised_gain > least and not _has_ended(h)) or h.fit.ending is Ending.UNFINISHED
         else h
         for h in tried
     ]
+
+
+def _has_ended(h: Hypothesis) -> bool:
+    """Whether another start would end where the fit did: shapes are held near where they start."""
+    shaped = any(member.effect.shapes for member in h.members)
+    return h.fit.ending is Ending.CONVERGED and not shaped
 
 
 def _continued(forward: Forward, base: Fit, h: Hypothesis, rival: float) -> Hypothesis:

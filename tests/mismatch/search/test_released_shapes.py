@@ -10,6 +10,7 @@ from mismatch.fitting.hypotheses import SLACK, as_fitted, fit_hypothesis
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import scan
 from mismatch.records import BallModel, Baseline, CampaignRecords, Trial
+from mismatch.search import naming
 from mismatch.search.naming import _best_by_law, _by_law
 from mismatch.search.unnamed import Magnet, ResistanceCurve, SmoothCurve
 from physics.effects import CATALOGUE, EffectId
@@ -48,6 +49,20 @@ def test_a_place_far_from_every_start_is_found_at_once(tethered):
     again = fit_hypothesis(forward, base, *as_fitted(found.members, found.fit), start=found.fit)
     assert found.fit.ending is Ending.CONVERGED
     assert found.fit.objective - again.fit.objective < 3.0 * SLACK
+
+
+def test_a_law_whose_fit_has_ended_is_not_fitted_again(tethered, monkeypatch):
+    """A tenth of the time went into fits that had converged and moved by nothing."""
+    forward, base = tethered.forward, tethered.fit
+    laws = [CATALOGUE["drag"][0], CATALOGUE["buoyancy"][0], Magnet()]
+    pool = candidates_for(forward, base.model, laws, unnamed=False)
+    ranked = _best_by_law(scan(forward, base, pool), anywhere=True)
+    tried = [fit_hypothesis(forward, base, [pool[at]], [values]) for _, at, values in ranked]
+    assert {h.fit.ending for h in tried} == {Ending.CONVERGED}
+    monkeypatch.setattr(naming, "FIRST_REACH", np.inf)
+    monkeypatch.setattr(naming, "_continued", lambda forward, base, h, rival: None)
+    kept = naming._those_that_compete_finished(forward, base, tried)
+    assert [one is None for one in kept] == [h.ids == (Magnet().id,) for h in tried]
 
 
 def test_a_fit_is_left_where_as_much_gain_again_would_not_reach_its_rival(tethered, monkeypatch):
