@@ -97,19 +97,24 @@ def _cost_table(found: Record) -> str:
 
 
 def _real_table(found: Record) -> str:
-    """Names with probabilities of each recording, what else is not excluded, and the outcome."""
-    rows = []
+    """Names with probabilities, and outcome; recordings of one set with one outcome share a row."""
+    sets: dict[tuple[str, str, str], list[str]] = {}
     for name, one in found.items():
         named = [f"{identity} {chance:.2f}" for identity, chance in one["named"].items()]
-        missing = ", ".join(one["missing"]) or "nothing"
-        rows.append((name, missing, ", ".join(named) or one["verdict"], one["outcome"]))
+        key = name.partition(", ")[0], ", ".join(one["missing"]) or "nothing", one["outcome"]
+        sets.setdefault(key, []).append(", ".join(named) or one["verdict"])
+    rows = [
+        (f"{name} ({len(said)})" if len(said) > 1 else name, missing,
+         "; ".join(dict.fromkeys(said)), outcome)
+        for (name, missing, outcome), said in sets.items()
+    ]  # fmt: skip
     return _table(("recording", "missing", "named", "outcome"), rows)
 
 
 def _real_summary(found: Record) -> str:
     said = [one["outcome"] for one in found.values()]
     kinds = ("right", "in part", "silent", "wrong")
-    return f"of {len(said)} recordings " + ", ".join(f"{said.count(k)} {k}" for k in kinds)
+    return f"{len(said)} recordings: " + ", ".join(f"{said.count(k)} {k}" for k in kinds)
 
 
 def _page_text(found: Record) -> str:

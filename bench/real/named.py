@@ -11,7 +11,7 @@ import pandas as pd
 import impact_vision as iv
 from bench.concealed.answer import Answer
 from bench.real import balldrop, juggling_mocap, rocket_coast, rod_pendulum
-from bench.real.plain_sets import MADE
+from bench.real.plain_sets import MADE_SETS
 from bench.real.row import Explain
 
 __all__ = ["named_in_all", "outcome"]
@@ -30,7 +30,7 @@ PLAIN: dict[str, Truth] = {
 SIMULATED: tuple[Truth, ...] = (
     LOSSES, LOSSES, ("viscous_damping", "pendulum_drag"), (), ("drag", "magnus"),
 )  # fmt: skip
-"""What is missing from each of `MADE`."""
+"""What is missing from each of `MADE_SETS`."""
 LIKELY = 0.5
 """Probability from which a name is an answer; convention."""
 
@@ -71,9 +71,9 @@ def _recordings(source: Path, cache: Path) -> Iterator[tuple[str, Truth, Path]]:
         folder = _copied(heights, cache / path.stem)
         shutil.copyfile(path, folder / "ball.csv")
         yield f"rebound_heights, {path.stem.removeprefix('t_')}", (), folder
-    for place, (asked, *_, write) in enumerate(MADE):
+    for place, (asked, *_, write) in enumerate(MADE_SETS):
         write(cache / f"made_{place}")
-        yield f"simulated: {asked.partition(':')[0]}", SIMULATED[place], cache / f"made_{place}"
+        yield f"simulated {asked.partition(':')[0]}", SIMULATED[place], cache / f"made_{place}"
 
 
 def _copied(source: Path, folder: Path) -> Path:
