@@ -1170,11 +1170,10 @@ def find_impact(
         If the ball never leaves, or is tracked too briefly afterwards.
     """
     left = departure(tracks)
-    onset, release, landed = started or (
-        left - 0.008,
-        left + MAX_CONTACT_S,
-        flight_end(tracks, inputs, left),
-    )
+    landed = flight_end(tracks, inputs, left) if started is None else started[2]
+    # of a flight as short as a contact may be, from the floor, half is left to fit
+    latest = left + min(MAX_CONTACT_S, 0.5 * (landed - left))
+    onset, release = (left - 0.008, latest) if started is None else started[:2]
     view: ImpactView | None = None
     contact: ContactFit | None = None
     reason = "no pendulum mass found in the clip; point at it with --mass-at X,Y"
@@ -1202,8 +1201,8 @@ def find_impact(
         reason = _striker_refusal(view, contact)
         if reason:
             view, contact = None, None
-            flight = _flight(tracks, inputs, left + MAX_CONTACT_S, landed, free=False)
-    since = release if contact is not None else left + MAX_CONTACT_S
+            flight = _flight(tracks, inputs, latest, landed, free=False)
+    since = release if contact is not None else latest
     if contact is None:
         # the intersection of rest and flight is the middle of the contact; with a wrong rate it
         # may be anywhere, so it is limited

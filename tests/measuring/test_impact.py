@@ -96,6 +96,23 @@ def test_a_contact_shorter_than_a_frame_is_found_between_frames() -> None:
     assert found["ball_speed"] == pytest.approx(truth(shot)["ball_speed"], rel=3e-3)
 
 
+def test_a_flight_hardly_longer_than_a_contact_is_measured() -> None:
+    scene, shot = known_stroke("basketball", 60.0)
+    whole = ideal_tracks(scene, shot, Noise(1e-4))
+    seen = whole.ball_time_s < departure(whole) + 0.033
+    short = replace(
+        whole,
+        ball_frame=whole.ball_frame[seen],
+        ball_time_s=whole.ball_time_s[seen],
+        ball_m=whole.ball_m[seen],
+        ball_cov_m2=whole.ball_cov_m2[seen],
+    )
+    found, std = measured(short, "basketball")
+    for name in ("contact_time", "ball_speed", "launch_angle"):
+        assert found[name] == pytest.approx(truth(shot)[name], abs=4 * std[name]), name
+    assert std["ball_speed"] < 0.1
+
+
 @pytest.mark.parametrize("fps", [30.0, 60.0, 600.0])
 def test_the_flight_ends_before_the_bounce(fps: float) -> None:
     scene, shot = known_stroke("basketball", 60.0)
