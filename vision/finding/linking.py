@@ -16,7 +16,6 @@ import math
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib import resources
-from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
@@ -255,32 +254,33 @@ def _exchanged(chains: list[IntArray], marks: _LinkMarks) -> list[IntArray]:
         return []
     nothing = _LinkedRows.of(np.zeros(0, dtype=np.int64), marks)
     found = [*(_LinkedRows.of(rows, marks) for rows in chains), nothing]
-    gains = dict[tuple[int, int], tuple[float, int, int]]()
-    changed = set(range(len(found)))
+    gains, cuts = np.zeros((0, 0)), np.zeros((0, 0, 2), dtype=np.int64)
+    changed = np.ones(len(found), dtype=bool)
     while True:
-        for pair in permutations(range(len(found)), 2):
-            if not changed.isdisjoint(pair):
-                gains[pair] = _gain(found[pair[0]], found[pair[1]], marks)
-        pair = max(gains, key=lambda each: gains[each][0])
-        gain, i, j = gains[pair]
-        if gain <= _MIN_GAIN:
+        more = len(found) - len(gains)
+        gains = np.pad(gains, [(0, more), (0, more)])
+        cuts = np.pad(cuts, [(0, more), (0, more), (0, 0)])
+        starts = np.cumsum([0, *(len(chain.rows) for chain in found)])
+        rows, held, anew = (
+            np.concatenate([getattr(chain, name) for chain in found])
+            for name in ("rows", "held", "anew")
+        )
+        _weigh_exchanges(changed, starts, rows, held, anew, marks, gains, cuts)
+        one, other = divmod(int(gains.argmax()), len(gains))
+        if gains[one, other] <= _MIN_GAIN:
             return [chain.rows for chain in found if len(chain.rows) >= MIN_FOUND_ROWS]
-        new = _swapped(found[pair[0]], found[pair[1]], i, j, marks)
-        changed = set()
-        if sum(one.odds for one in new) <= sum(found[k].odds for k in pair) + _MIN_GAIN:
+        old = found[one], found[other]
+        new = _swapped(*old, int(cuts[one, other, 0]), int(cuts[one, other, 1]), marks)
+        changed[:] = False
+        if sum(each.odds for each in new) <= sum(each.odds for each in old) + _MIN_GAIN:
             # speeds over several rows promised more than the chains themselves hold
-            gains[pair] = (0.0, 0, 0)
+            gains[one, other] = 0.0
             continue
-        found[pair[0]], found[pair[1]] = new
-        changed = set(pair)
+        found[one], found[other] = new
+        changed[[one, other]] = True
         if all(len(chain.rows) for chain in found):
-            changed.add(len(found))
+            changed = np.append(changed, True)
             found.append(nothing)
-
-
-def _gain(one: _LinkedRows, other: _LinkedRows, marks: _LinkMarks) -> tuple[float, int, int]:
-    first, second = (one.rows, one.held, one.anew), (other.rows, other.held, other.anew)
-    return _best_exchange(*first, *second, marks)
 
 
 def _swapped(
@@ -346,6 +346,32 @@ def _going_on(head: IntArray, stop: int, tail: IntArray, start: int, marks: _Lin
     if c != d:
         odds += _turn(b, c, d, marks)
     return float(odds)
+
+
+@compiled
+def _weigh_exchanges(
+    changed: NDArray[np.bool_],
+    starts: IntArray,
+    rows: IntArray,
+    held: FloatArray,
+    anew: FloatArray,
+    marks: _LinkMarks,
+    gains: FloatArray,
+    cuts: IntArray,
+) -> None:
+    """Write the best exchange of each chain with each other, where one of them has changed."""
+    for one in range(len(changed)):
+        for other in range(len(changed)):
+            if one != other and (changed[one] or changed[other]):
+                a, b, c, d = starts[one], starts[one + 1], starts[other], starts[other + 1]
+                # one more is held, and begun, than there are rows
+                first = slice(a + one, b + one + 1)
+                second = slice(c + other, d + other + 1)
+                gains[one, other], cuts[one, other, 0], cuts[one, other, 1] = _best_exchange(
+                    *(rows[a:b], held[first], anew[first]),
+                    *(rows[c:d], held[second], anew[second]),
+                    marks,
+                )
 
 
 @compiled
