@@ -752,16 +752,15 @@ _INDEX = {name: index for index, name in enumerate(_SwingVector.__annotations__)
 
 def _start(tau: FloatArray, along: FloatArray) -> list[float]:
     """Start values: the strongest frequency, and the best swing at it."""
-    # imported here: few clips show a swing, and the import is slow
-    from scipy.signal import lombscargle
-
     most = max(2.0, len(tau) / 4.0)
     trial = np.arange(0.5, most, 1.0 / _TRIALS_PER_PERIOD)
-    power = lombscargle(tau, along, 2.0 * np.pi * trial, floating_mean=True)
-    turns = float(trial[int(np.argmax(power))])
-    angle = 2.0 * np.pi * turns * tau
-    design = np.stack([np.cos(angle), np.sin(angle), np.ones_like(tau)], axis=1)
-    cosine, sine, middle = np.linalg.lstsq(design, along, rcond=None)[0]
+    angle = 2.0 * np.pi * np.multiply.outer(trial, tau)
+    designs = np.stack([np.cos(angle), np.sin(angle), np.ones_like(angle)], axis=-1)
+    # the part of the motion that a swing about a free middle explains (Lomb and Scargle's power)
+    explained = (along @ np.linalg.qr(designs)[0]) ** 2
+    best = int(np.argmax(explained.sum(axis=-1)))
+    turns = float(trial[best])
+    cosine, sine, middle = np.linalg.lstsq(designs[best], along, rcond=None)[0]
     return [float(cosine), float(sine), float(middle), turns, 0.0]
 
 

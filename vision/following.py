@@ -534,12 +534,16 @@ def _striker(
         return other
     if found is not None:
         return found
-    colours = [scene.tinted(1.0, 0.0), scene.tinted(0.0, 1.0)]
-    for small, pictures in ((False, colours), (True, [scene, *colours])):
-        for picture in pictures:
-            found = find_striker(picture, rest, rough, at, small=small)
-            if found is not None and found.striking is Striking.AGREES:
-                return found
+    pictures = [scene]
+    for tint in ((1.0, 0.0), (0.0, 1.0)):
+        pictures.append(scene.tinted(*tint))
+        found = find_striker(pictures[-1], rest, rough, at)
+        if found is not None and found.striking is Striking.AGREES:
+            return found
+    for picture in pictures:
+        found = find_striker(picture, rest, rough, at, small=True)
+        if found is not None and found.striking is Striking.AGREES:
+            return found
     return None
 
 

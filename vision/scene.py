@@ -797,6 +797,7 @@ class FilmedScene:
         self.background = self._still(samples, rough)
         self.noise = float(np.median(self.background.noise))
         self.views: dict[int, FrameView] = {}
+        self._small: tuple[tuple[int, int], dict[int, NDArray[np.uint8]]] = ((0, 0), {})
         self._until, self._earlier = 0, self.background
         self._first = self.background
         self._aligner = Aligner(self.background.image, self.noise)
@@ -805,7 +806,7 @@ class FilmedScene:
     def anew(self) -> "FilmedScene":
         """The same scene before any of its frames was registered."""
         other = copy.copy(self)
-        other.views = {}
+        other.views, other._small = {}, ((0, 0), {})
         return other
 
     def tinted(self, blueness: float, redness: float) -> "FilmedScene":
@@ -849,6 +850,18 @@ class FilmedScene:
         ):
             view = self.view(index, gray)
             yield index, image if view.still else warped(image, view)
+
+    def coloured_small(
+        self, wanted: IntArray, size: tuple[int, int]
+    ) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+        """The same reduced to a width and height; those of the last size asked for are kept."""
+        if self._small[0] != size:
+            self._small = size, {}
+        kept = self._small[1]
+        new = wanted[[index not in kept for index in wanted.tolist()]]
+        for index, image in self.coloured(new):
+            kept[index] = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
+        yield from ((index, kept[index]) for index in wanted.tolist())
 
     def _still(self, samples: list[GrayFrame], rough: Aligner) -> Background:
         if not self.hand_held:
@@ -1058,8 +1071,11 @@ class FilmedScene:
         if not self.hand_held:
             return None
         missing = np.setdiff1d(np.arange(self.count), np.array(sorted(self.views), dtype=np.int64))
-        for _ in self.pictures(missing):
-            pass
+        for index, frame in self._frames(missing):
+            if frame is None:
+                self.views.setdefault(index, self.views.get(index - 1, _UPRIGHT_VIEW))
+            else:
+                self.view(index, frame)
         return np.array([self.views[index].shift_px for index in range(self.count)])
 
 
@@ -1106,7 +1122,7 @@ def scene_before_strike(scene: FilmedScene, rest: Rest, radius: float) -> FloatI
         picture / np.float32(scene.views[index].gain)
         for index, picture in scene.pictures(scene.shown(wanted))
     ]
-    stack = np.sort(np.stack(even), axis=0)
+    stack = sorted_stack(even)
     middle, still = stack[len(stack) // 2], scene.background.image
     quarter = len(stack) // 4
     noise = scene.background.noise
@@ -1115,7 +1131,7 @@ def scene_before_strike(scene: FilmedScene, rest: Rest, radius: float) -> FloatI
 
 
 def _lingering(
-    stack: FloatImage, still: FloatImage, noise: FloatImage | float, radius: float
+    stack: list[FloatImage], still: FloatImage, noise: FloatImage | float, radius: float
 ) -> NDArray[np.bool_]:
     """Where a thing stands for most of the time that uncovers the static scene for the rest.
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from vision.pendulum.arc import ImagedSwing, Patch
 from vision.pendulum.layer import thick_part
-from vision.scene import FilmedScene
+from vision.scene import FilmedScene, median_of
 from vision.tracks import Rest
 
 __all__ = ["SwingPrior", "SwungBody", "face_gap", "propose_bodies", "swing_prior"]
@@ -203,25 +203,26 @@ def _approach(scene: FilmedScene, rest: Rest, radius: float) -> _Approach:
     whole = scene.shown(_even(0, scene.count - 1, _SCENE_PICTURES))
     late = scene.shown(_even(round(0.75 * scene.count), scene.count - 1, _SCENE_PICTURES // 2))
     pictures: dict[int, FloatImage] = {}
-    for index, image in scene.coloured(np.unique(np.concatenate([frames, still, whole, late]))):
-        small = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.float32)
-        even = small / np.float32(scene.views[index].gain)
+    every = np.unique(np.concatenate([frames, still, whole, late]))
+    for index, image in scene.coloured_small(every, size):
+        even = image.astype(np.float32) / np.float32(scene.views[index].gain)
         pictures[index] = np.asarray(cv2.transform(even, _COLOURS), dtype=np.float32)
-    usual = np.median([pictures[index] for index in whole.tolist()], axis=0)
-    early = np.median([pictures[index] for index in still.tolist()], axis=0)
+    usual, early, end = (
+        median_of([pictures[index] for index in some.tolist()]) for some in (whole, still, late)
+    )
     off = np.abs(np.stack([pictures[index] for index in whole.tolist()]) - usual)
     # a turned picture is interpolated, and a body's light changes a little on its way
-    noise = 1.5 * np.maximum(1.4826 * np.median(off, axis=(0, 1, 2)), 0.7) + 1.0
-    end = np.median([pictures[index] for index in late.tolist()], axis=0)
+    usual_off = np.array([np.median(off[..., colour]) for colour in range(3)], dtype=np.float32)
+    noise = 1.5 * np.maximum(1.4826 * usual_off, 0.7) + 1.0
     usual, early, end = (np.asarray(one / noise, dtype=np.float32) for one in (usual, early, end))
     shown = [np.asarray(pictures[index] / noise, dtype=np.float32) for index in frames.tolist()]
     # a slow body may hide the scene for most of the time before; the rest of the clip shows it
-    steady = np.mean([((one - early) ** 2).sum(axis=2) < _STEADY for one in shown], axis=0)
-    unlike = ((early - usual) ** 2).sum(axis=2) > _MAX_SQUARE
-    hidden = unlike & (((usual - end) ** 2).sum(axis=2) < _STEADY) & (steady < _STEADY_FRACTION)
+    steady = np.mean([_square(one - early) < _STEADY for one in shown], axis=0)
+    unlike = _square(early - usual) > _MAX_SQUARE
+    hidden = unlike & (_square(usual - end) < _STEADY) & (steady < _STEADY_FRACTION)
     behind = np.where(hidden[..., None], usual, early)
     # and a body that hangs there for long is no scene
-    hung = unlike & (((early - end) ** 2).sum(axis=2) < _STEADY)
+    hung = unlike & (_square(early - end) < _STEADY)
     usual = np.where(hung[..., None], early, usual)
     x, y = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
     centre = (rest.centre_px + 0.5) * scale - 0.5
@@ -229,10 +230,16 @@ def _approach(scene: FilmedScene, rest: Rest, radius: float) -> _Approach:
     layers = []
     for colours in shown:
         lit = behind * _light(colours, behind, radius * scale)[..., None]
-        misfits = [((colours - one) ** 2).sum(axis=2) for one in (behind, usual, lit)]
+        misfits = [_square(colours - one) for one in (behind, usual, lit)]
         misfit = np.minimum(np.min(misfits, axis=0), _MAX_SQUARE)
         layers.append(np.dstack([colours, misfit, free]).astype(np.float32))
     return _Approach(scale, frames, layers, behind, noise)
+
+
+def _square(colours: FloatImage) -> FloatImage:
+    """Sum of the squares of three colours; twenty times as fast as a sum over so short an axis."""
+    one, two, three = np.moveaxis(colours, -1, 0)
+    return np.asarray(one * one + two * two + three * three)
 
 
 def _light(colours: FloatImage, scene: FloatImage, radius: float) -> FloatImage:
@@ -321,7 +328,7 @@ class _Region:
         seen = np.stack(list(self.turned_back(motion, self.approach.layers)))
         weight = (seen[..., 4] > _IN_VIEW).astype(np.float32)
         colour = _mean(seen[..., :3], weight)
-        left = np.minimum(((seen[..., :3] - colour) ** 2).sum(axis=3), _MAX_SQUARE)
+        left = np.minimum(_square(seen[..., :3] - colour), _MAX_SQUARE)
         odds = 0.5 * ((seen[..., 3] - left) * weight).sum(axis=0) - _FREE_COLOURS
         odds = np.where(weight.mean(axis=0) >= _MIN_VISIBLE, odds, np.float32(0.0))
         odds = np.asarray(cv2.blur(odds, (3, 3)))
@@ -364,11 +371,11 @@ class _Region:
         """Log odds of a body over a shadow: the scene dimmed evenly by one ratio, by pixel."""
         seen, behind, weight = self._shown(motion)
         colour = _mean(seen[..., :3], weight)
-        left = np.minimum(((seen[..., :3] - colour) ** 2).sum(axis=3), _MAX_SQUARE)
+        left = np.minimum(_square(seen[..., :3] - colour), _MAX_SQUARE)
         product = ((seen[..., :3] * behind).sum(axis=3) * weight).sum(axis=0)
-        square = ((behind * behind).sum(axis=3) * weight).sum(axis=0)
+        square = (_square(behind) * weight).sum(axis=0)
         ratio = np.clip(product / np.maximum(square, 1e-6), 0.0, 1.0)
-        dimmed = np.square(seen[..., :3] - ratio[..., None] * behind).sum(axis=3)
+        dimmed = _square(seen[..., :3] - ratio[..., None] * behind)
         shadow = np.minimum(np.minimum(dimmed, seen[..., 3]), _MAX_SQUARE)
         return np.asarray(cv2.blur(0.5 * ((shadow - left) * weight).sum(axis=0), (3, 3)))
 
