@@ -417,14 +417,22 @@ def _searched(
     scene: FilmedScene, rest: Rest, ball: BallFits, at: tuple[float, float] | None, small: bool
 ) -> "_StrikerSearch | None":
     """Search among pieces, and among proposed bodies unless a piece is sure."""
-    pieces = _StrikerSearch.of_pieces(scene, rest, ball, at, small)
+    scenes = _scenes_before(scene, rest, ball)
+    pieces = _StrikerSearch.of_pieces(scene, rest, ball, scenes, at, small)
     if pieces is not None and pieces.is_sure:
         return pieces
     bodies = propose_bodies(scene, rest, float(np.median(ball.radius)), at)
-    swung = _StrikerSearch.of_bodies(scene, rest, ball, bodies)
+    swung = _StrikerSearch.of_bodies(scene, rest, ball, scenes, bodies)
     if pieces is None or (swung is not None and swung.is_better_than(pieces)):
         return swung
     return pieces
+
+
+def _scenes_before(scene: FilmedScene, rest: Rest, ball: BallFits) -> tuple[Backdrop, Backdrop]:
+    """The scene before the strike: steady, and in each frame's own light."""
+    radius = float(np.median(ball.radius))
+    image = scene_before_strike(scene, rest, radius)
+    return Backdrop(scene, image, radius), Backdrop(scene, image, radius, relit=True)
 
 
 @dataclass(frozen=True)
@@ -452,6 +460,7 @@ class _StrikerSearch:
         scene: FilmedScene,
         rest: Rest,
         ball: BallFits,
+        scenes: tuple[Backdrop, Backdrop],
         at: tuple[float, float] | None,
         small: bool,
     ) -> "_StrikerSearch | None":
@@ -469,17 +478,23 @@ class _StrikerSearch:
                     followed.append(one)
             return cls._of(follower, lit, followed)
 
-        return cls._before_each_scene(scene, rest, ball, through)
+        return cls._before_each_scene(scenes, through)
 
     @classmethod
     def of_bodies(
-        cls, scene: FilmedScene, rest: Rest, ball: BallFits, bodies: Sequence[SwungBody]
+        cls,
+        scene: FilmedScene,
+        rest: Rest,
+        ball: BallFits,
+        scenes: tuple[Backdrop, Backdrop],
+        bodies: Sequence[SwungBody],
     ) -> "_StrikerSearch | None":
         """Follow proposed bodies, in colour where they are about as light as the scene."""
         if not bodies:
             return None
         if bodies[0].gray < _COLOURED:
             scene = scene.tinted(*bodies[0].colour.tolist())
+            scenes = _scenes_before(scene, rest, ball)
 
         def through(before: Backdrop, lit: Backdrop) -> _StrikerSearch | None:
             follower = Follower(scene, rest, ball, before)
@@ -492,21 +507,16 @@ class _StrikerSearch:
                     followed.append(one)
             return cls._of(follower, lit, followed)
 
-        return cls._before_each_scene(scene, rest, ball, through)
+        return cls._before_each_scene(scenes, through)
 
     @classmethod
     def _before_each_scene(
         cls,
-        scene: FilmedScene,
-        rest: Rest,
-        ball: BallFits,
+        scenes: tuple[Backdrop, Backdrop],
         through: Callable[[Backdrop, Backdrop], "_StrikerSearch | None"],
     ) -> "_StrikerSearch | None":
         """Search before the steady scene; where that leaves much, in each frame's own light."""
-        radius = float(np.median(ball.radius))
-        image = scene_before_strike(scene, rest, radius)
-        before = Backdrop(scene, image, radius)
-        lit = Backdrop(scene, image, radius, relit=True)
+        before, lit = scenes
         search = through(before, lit)
         if search is None or not search.explains_all:
             again = through(lit, lit)
