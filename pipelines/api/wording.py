@@ -91,10 +91,11 @@ def in_fields(text: str, labels: Mapping[str, str]) -> str:
             return found[0]
         verb = "" if passed is None else "Use " if passed == "P" else "use "
         # capitals stand for a value to be chosen
-        bare = re.sub(r"^[A-Z][A-Z,|]*(?=[.,]?$)", "", value or "")
+        bare = re.sub(r"^[A-Z][A-Z,|]*(?=[.,]?$)", "", value or "").strip("'\"")
         return f"{verb}“{labels[option]}”" + (f" {bare}" if bare.strip(".,") else bare)
 
-    return _PASSED.sub(placed, text)
+    # one field after another
+    return re.sub(r"(” \d[\w.]*) (?=“)", r"\1, ", _PASSED.sub(placed, text))
 
 
 Values = ParamSpec("Values")

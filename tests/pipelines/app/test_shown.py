@@ -166,6 +166,10 @@ def test_outlines_of_a_moving_camera_are_those_of_the_frames() -> None:
             "point at it with --ball-at X,Y,FRAME.",
             "Point at it with “This is the ball”.",
         ),
+        (
+            "for example --fps 240 --ball 220mm (or --scale '410 px/m')",
+            "For example “Capture rate” 240, “Ball or diameter” 220mm (or “Scale” 410 px/m)",
+        ),
         ("check --fps and --ball", "Check “Capture rate” and “Ball or diameter”"),
         ("pass --drag yes", "Pass --drag yes"),
     ],
