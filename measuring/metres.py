@@ -506,10 +506,22 @@ def _rest_frames(tracks: Tracks) -> tuple[int, int]:
 
 def _backwards(ball: Track) -> str:
     """A hint where a ball comes to the rest from which it starts in a clip played in reverse."""
-    frame, centre = -ball.frame[::-1], ball.centre_px[::-1]
-    if find_rest(frame, centre, float(np.median(ball.radius_px))) is None:
+    turned = replace(
+        ball,
+        frame=ball.frame[-1] - ball.frame[::-1],
+        centre_px=ball.centre_px[::-1],
+        covariance_px2=ball.covariance_px2[::-1],
+    )
+    rest = find_rest(turned.frame, turned.centre_px, float(np.median(ball.radius_px)))
+    if rest is None or rest.last < MIN_END_FRAMES:
+        return ""
+    if _moves_at_rest(turned, turned.frame <= rest.last):
         return ""
     return ": it ends at rest, as in a clip that is played in reverse; turn such a clip round"
+
+
+MIN_END_FRAMES = 4
+"""Frames of a rest at the end (derived: two medians of its thirds, and one between)."""
 
 
 def _moves_at_rest(ball: Track, still: NDArray[np.bool_]) -> bool:
