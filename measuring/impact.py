@@ -1171,9 +1171,10 @@ def find_impact(
     """
     left = departure(tracks)
     landed = flight_end(tracks, inputs, left) if started is None else started[2]
-    # of a flight as short as a contact may be, from the floor, half is left to fit
-    latest = left + min(MAX_CONTACT_S, 0.5 * (landed - left))
-    onset, release = (left - 0.008, latest) if started is None else started[:2]
+    latest = left + MAX_CONTACT_S
+    # half of a flight as short as a contact may be is fitted, until a contact shows its beginning
+    guess = latest if tracks.pivot_m is None else min(latest, 0.5 * (left + landed))
+    onset, release = (left - 0.008, guess) if started is None else started[:2]
     view: ImpactView | None = None
     contact: ContactFit | None = None
     reason = "no pendulum mass found in the clip; point at it with --mass-at X,Y"
