@@ -539,7 +539,7 @@ def _missing(place: Path) -> ClipError:
     stub = place.with_name(f".{place.name}.icloud")
     if re.match(r"\w{2,}:/", str(place)):
         hint = "It is an address: download the video first, and pass the file."
-    elif stub.exists():
+    elif os.access(stub, os.F_OK):
         hint = "It is in iCloud alone: download it in the Files app or the Finder."
     elif re.search(r"[*?%]", place.name):
         hint = f"It is a pattern of names: pass the folder of the pictures, {place.parent}."

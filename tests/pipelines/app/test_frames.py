@@ -89,7 +89,7 @@ def test_what_is_no_clip_is_a_sentence(tmp_path: Path, content: bytes | None) ->
 
 
 def test_a_full_disk_keeps_what_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(frames, "MAX_STORED_BYTES", 20_000)
+    monkeypatch.setattr(frames, "MAX_FRAME_BYTES", 20_000)
     store = FrameStore(falling(tmp_path / "clip"))
     assert store.jpeg(35, 20.0) is None
     assert 0 < store.ready < 36
