@@ -526,9 +526,12 @@ MIN_END_FRAMES = 4
 
 def _moves_at_rest(ball: Track, still: NDArray[np.bool_]) -> bool:
     """Whether the ball moves during its assumed rest: a pendulum, or a ball in flight."""
-    if still.sum() < 2 or still.all():
+    if not still.any() or still.all():
         return False
     step = np.hypot(*(np.diff(ball.centre_px, axis=0) / np.diff(ball.frame)[:, np.newaxis]).T)
+    if still.sum() == 1:
+        # alone, the first frame shows rest only if the ball leaves it more slowly than it goes on
+        return bool(still[0]) and float(step[0]) > MAX_REST_SPEED_FRACTION * float(np.median(step))
     resting = still[1:] & still[:-1]
     if not resting.any() or resting.all():
         return False

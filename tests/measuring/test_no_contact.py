@@ -14,6 +14,7 @@ from sample_videos import Scene, Shot
 from sample_videos.shot import HermiteCurve
 from tests.measuring.planned_stroke import (
     FILMING,
+    TRUE_FPS,
     inputs_as_planned,
     measured,
     planned,
@@ -169,3 +170,19 @@ def test_of_what_is_no_motion_nothing_is_checked_and_no_strike_told(
     found = results(monkeypatch, lambda tracks: replace(tracks, motion=nothing))
     assert found.checks == ()
     assert not any(item.known for item in found.quantities)
+
+
+def test_a_clip_that_begins_in_mid_flight_shows_no_strike() -> None:
+    tracks = tracks_as_planned()
+    assert tracks.rest_frames is not None
+    begins = tracks.rest_frames[1] + 20
+    ball = tracks.ball.where(tracks.ball.frame >= begins)
+    first = int(ball.frame[0])
+    found = measured(
+        replace(tracks, ball=ball, rest_frames=(first, first), pendulum=None),
+        CaptureRate(TRUE_FPS, 0.1, RateSource.OPTION),
+    )
+    by_name = {item.name: item for item in found.results.quantities}
+    assert by_name["ball_speed"].value is None
+    assert by_name["landing_distance"].value is None
+    assert "from the first frame on" in str(by_name["ball_speed"].reason)
