@@ -74,16 +74,20 @@ def _compiler() -> Any:
 def _cache_of(function: Callable[..., object]) -> Any:
     """Numba's cache of a function, without what only compiling needs.
 
-    Its own loads the rules of every type first, which takes longer than all loops of a clip.
+    Its own loads the rules of every type first, which takes longer than all loops of a clip. What
+    it calls is private to numba: where a version has it no more, numba's own way is taken.
     """
     from numba.core.caching import FunctionCache
     from numba.core.runtime.nrt import rtsys
 
     class Cached(FunctionCache):
         def load_overload(self, signature: Any, context: Any) -> Any:
-            rtsys.initialize(context)
-            with self._guard_against_spurious_io_errors():
-                return self._load_overload(signature, context)  # type: ignore[no-untyped-call]
+            try:
+                rtsys.initialize(context)
+                with self._guard_against_spurious_io_errors():
+                    return self._load_overload(signature, context)  # type: ignore[no-untyped-call]
+            except (AttributeError, TypeError):
+                return super().load_overload(signature, context)  # type: ignore[no-untyped-call]
 
     return Cached(function)  # type: ignore[no-untyped-call]
 

@@ -5,6 +5,9 @@ import subprocess
 import sys
 from collections.abc import Callable
 
+import pytest
+from numba.core.caching import Cache
+
 from metrology.compiled import compiled, with_stack_space
 
 
@@ -26,6 +29,20 @@ def test_a_compiled_function_calls_another() -> None:
 def test_the_compiler_is_loaded_when_the_first_loop_runs() -> None:
     script = "import sys, vision.following; assert 'numba' not in sys.modules"
     subprocess.run([sys.executable, "-c", script], check=True)
+
+
+def test_a_numba_without_what_is_private_to_it_loads_its_own_way(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked = []
+    monkeypatch.delattr(Cache, "_load_overload")
+    monkeypatch.setattr(Cache, "load_overload", lambda *_: asked.append(1))
+    assert compiled(_halved)(3.0) == 1.5
+    assert asked
+
+
+def _halved(value: float) -> float:
+    return 0.5 * value
 
 
 def test_a_comparison_with_no_number_is_false() -> None:
