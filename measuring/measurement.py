@@ -67,6 +67,10 @@ def alternative_kinds(motion: Motion) -> str:
 
 def motion_warning(motion: Motion) -> tuple[str, ...]:
     """Warning if the motion kind is uncertain; empty otherwise."""
+    if motion.kind is MotionKind.NONE and motion.is_doubtful:
+        why = " ".join(motion.reasons)
+        cure = "If another object is meant, point at it with --ball-at X,Y"
+        return (f"the kind of motion is open. {why} {cure}, or pass more of the recording.",)
     if motion.kind is MotionKind.NONE or motion.probability >= _CONFIDENT_PROBABILITY:
         return ()
     kind, left = motion.kind.noun, alternative_kinds(motion)

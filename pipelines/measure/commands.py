@@ -27,7 +27,7 @@ from measuring.budget import Propagation
 from measuring.chain import MeasureOptions, measure_clip
 from measuring.inputs import QuantityName, gather_inputs, kinds_of
 from measuring.measurement import QUANTITY_UNITS, ClipMeasurement
-from measuring.results import missing_input
+from measuring.results import missing_input, motion_seen
 from measuring.setup.file import load_setup
 from metrology import (
     ImpactVisionError,
@@ -719,7 +719,9 @@ def _require_something(measured: ClipMeasurement, path: Path) -> None:
     kind = measured.motion.measured_as
     named = [(item, kinds_of(item.name)) for item in measured.quantities]
     own = [item for item, kinds in named if kind in kinds and len(kinds) < len(MotionKind)]
-    reasons = dict.fromkeys(item.reason for item in own or measured.quantities if item.reason)
+    said = [item.reason for item in own or measured.quantities if item.reason]
+    seen = [motion_seen(measured.tracks)] if measured.motion.kind is MotionKind.NONE else []
+    reasons = dict.fromkeys([*seen, *said])
     # "it needs a strike, but …" repeats the cause
     causes = [one for one in reasons if not any(one.endswith(f", but {o}") for o in reasons)]
     found = [finding.sentence.rstrip(".") for finding in measured.findings]

@@ -103,6 +103,9 @@ def test_numbers_of_a_kind_of_motion_in_doubt_come_with_a_proviso() -> None:
     assert motion_warning(Motion(MotionKind.SWING, 0.96, alternatives=beside)) == ()
     # without a motion there is nothing to warn about
     assert motion_warning(Motion(MotionKind.NONE, 0.6, alternatives=beside)) == ()
+    (said,) = motion_warning(Motion(MotionKind.NONE, 0.09, ("It is seen in 6 frames only.",)))
+    assert "6 frames" in said
+    assert "--ball-at" in said
 
 
 def test_of_a_motion_that_is_more_probably_another_nothing_is_measured_unless_it_is_stated() -> (
