@@ -26,6 +26,7 @@ __all__ = [
     "read_small_text",
     "refuse_unwritable",
     "shown_path",
+    "starts_as_text",
     "write_each",
     "write_text_whole",
     "written_whole",
@@ -42,6 +43,11 @@ _BYTE_ORDER_MARKS = {
     codecs.BOM_UTF16_LE: "utf-16",
     codecs.BOM_UTF16_BE: "utf-16",
 }
+
+
+def starts_as_text(head: bytes) -> bool:
+    """Whether the first bytes of a file are those of a text."""
+    return head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" not in head
 
 
 def read_small_text(

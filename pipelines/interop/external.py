@@ -16,6 +16,7 @@ from defusedxml.ElementTree import fromstring
 from numpy.typing import NDArray
 
 from metrology import UsageError
+from metrology.files import starts_as_text
 
 __all__ = [
     "BALL_NAME",
@@ -280,8 +281,7 @@ def is_text(path: Path) -> bool:
         return False
     with path.open("rb") as file:
         head = file.read(_SNIFFED_BYTES)
-    wide = head.startswith((b"\xff\xfe", b"\xfe\xff"))
-    return (wide or b"\0" not in head) and not head.lstrip().startswith((b"<", b"{", b"["))
+    return starts_as_text(head) and not head.lstrip().startswith((b"<", b"{", b"["))
 
 
 def read_bytes(path: Path, what: str) -> bytes:

@@ -31,7 +31,6 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from fractions import Fraction
 from itertools import islice
 from pathlib import Path
@@ -44,7 +43,7 @@ from av.stream import Disposition
 from numpy.typing import NDArray
 
 from metrology import ClipError
-from vision.clip.images import MOSAIC_NOTE, Animation, ImageFolder, is_animation, is_image
+from vision.clip.images import MOSAIC_NOTE, Animation, ImageFolder, is_animation
 from vision.clip.mosaic import Mosaic, mosaic_of
 from vision.clip.picture import (
     ClipInfo,
@@ -60,6 +59,7 @@ from vision.clip.picture import (
     upright_of,
 )
 from vision.clip.reduced import ReducedVideo
+from vision.clip.refusals import missing, too_few, undecodable, unreadable
 from vision.clip.repeats import DistinctPictures, RepeatDetector, Repeats
 
 __all__ = [
@@ -302,14 +302,7 @@ class VideoFile:
             stamps.append(picture.frame.pts)
             interlaced |= bool(picture.frame.interlaced_frame)
         if first is None:
-            raise (
-                _unsupported(path)
-                or _phantom(path)
-                or ClipError(
-                    f"no picture of {path} can be decoded",
-                    hint="The file is damaged. Copy it from the camera again.",
-                )
-            )
+            raise undecodable(path)
         self._by_order = None in stamps or bool(np.any(np.diff(np.array(stamps)) <= 0))
         self.first_picture = first
         if first.format.name.startswith("gray"):
@@ -448,8 +441,11 @@ class VideoFile:
                 name, options={"protocol_whitelist": "file"}, metadata_errors="replace"
             )
         except FFmpegError as problem:
-            raise _unreadable(self.path, problem) from problem
+            raise unreadable(self.path, problem.strerror) from problem
         try:
+            if container.format.name == "tty":
+                # text, which would be drawn as on a terminal
+                raise unreadable(self.path)
             stream = _moving_pictures(container)
             if stream is None and any(not one.codec_context for one in container.streams.video):
                 raise ClipError(
@@ -487,110 +483,6 @@ def _moving_pictures(container: Any) -> Any | None:
 def _contents(container: Any) -> str:
     kinds = sorted({str(stream.type) for stream in container.streams})
     return " and ".join(kinds) if kinds else "nothing"
-
-
-_PHOTRON = (
-    "a raw recording of Photron",
-    "Convert it with Photron FASTCAM Viewer: save as AVI, or as TIFF images in a folder.",
-)
-_UNSUPPORTED = {
-    ".mraw": _PHOTRON,
-    ".cih": _PHOTRON,
-    ".cihx": _PHOTRON,
-    ".r3d": ("a raw recording of RED", "Export it as ProRes or MP4 with REDCINE-X."),
-    ".braw": ("a raw recording of Blackmagic", "Export it as ProRes or MP4 with its player."),
-    ".seq": ("a recording of NorPix", "Export it as AVI or TIFF images with StreamPix."),
-    ".insv": ("a recording of Insta360", "Export a flat MP4 with Insta360 Studio."),
-    ".dng": ("a raw photograph", "Convert all pictures to TIFF or PNG in a folder."),
-    ".heic": ("a photograph", "Pass the video; a live photo's is the MOV file of the same name."),
-    ".zip": ("a packed archive", "Unpack it and pass the video, or the folder of images."),
-    ".rar": ("a packed archive", "Unpack it and pass the video, or the folder of images."),
-    ".7z": ("a packed archive", "Unpack it and pass the video, or the folder of images."),
-}
-"""Formats that can't be read, by suffix: what they are, and how to convert them."""
-
-
-def _unsupported(path: Path) -> ClipError | None:
-    named = _UNSUPPORTED.get(path.suffix.lower())
-    if named is None:
-        return None
-    return ClipError(f"{path} is {named[0]}, which is not supported", hint=named[1])
-
-
-def _phantom(path: Path) -> ClipError | None:
-    if _head(path)[:2] != b"CI":
-        return None
-    return ClipError(
-        f"{path} is a recording of Phantom that can't be decoded",
-        hint="Convert it with Phantom Camera Control (PCC): save as AVI, or as 16 bit TIFF.",
-    )
-
-
-def _head(path: Path) -> bytes:
-    if not os.access(path, os.R_OK):
-        return b""
-    with path.open("rb") as file:
-        return file.read(12)
-
-
-def _missing(place: Path) -> ClipError:
-    """Why there is no such file, by its name and its neighbours."""
-    hint = "Check the name and the folder."
-    stub = place.with_name(f".{place.name}.icloud")
-    if re.match(r"\w{2,}:/", str(place)):
-        hint = "It is an address: download the video first, and pass the file."
-    elif os.access(stub, os.F_OK):
-        hint = "It is in iCloud alone: download it in the Files app or the Finder."
-    elif re.search(r"[*?%]", place.name):
-        hint = f"It is a pattern of names: pass the folder of the pictures, {place.parent}."
-    elif place.parent.is_dir():
-        near = [one.name for one in islice(place.parent.iterdir(), _MAX_NEIGHBOURS)]
-        alike = get_close_matches(place.name, near, n=1)
-        hint = f"Did you mean {alike[0]}? {hint}" if alike else hint
-    return ClipError(f"there is no file {place}", hint=hint)
-
-
-_MAX_NEIGHBOURS = 1000
-"""Names of a folder compared with a missing one (chosen)."""
-
-
-def _too_few(place: Path, frames: int) -> ClipError:
-    """A recording of too few pictures for any motion."""
-    hint = "Pass the whole recording."
-    if place.is_file() and is_image(place):
-        others = [one for one in islice(place.parent.iterdir(), _MAX_NEIGHBOURS) if is_image(one)]
-        if others[1:]:
-            hint = f"It is one picture of {len(others)}: pass their folder, {place.parent}."
-    return ClipError(
-        f"{place} has {frames} frame{'s' * (frames > 1)}, too few to show a motion", hint=hint
-    )
-
-
-_TRACKS = {".csv", ".tsv", ".xlsx", ".trk", ".trz", ".kva"}
-"""Suffixes of files of tracks."""
-
-
-def _unreadable(path: Path, problem: FFmpegError) -> ClipError:
-    head = _head(path)
-    named = _unsupported(path) or _phantom(path)
-    if named is not None:
-        return named
-    if path.suffix.lower() in _TRACKS:
-        return ClipError(
-            f"{path} holds a table or tracks, not pictures",
-            hint=f"Pass tracks of another program so: vision measure --from-tracks {path}",
-        )
-    if head[4:8] in (b"ftyp", b"mdat", b"wide", b"moov", b"free", b"skip"):
-        return ClipError(
-            f"{path} is cut off: its index (moov) is missing or broken",
-            hint="The recording was not finished or not copied completely. Copy it from the camera "
-            "again; if that does not help, a repair tool such as untrunc can rebuild the index.",
-        )
-    return ClipError(
-        f"{path} cannot be read as a video ({problem.strerror or 'unknown format'})",
-        hint="Readable formats: MP4, MOV, AVI, MKV, MJPEG and folders of images. The file may have "
-        "a wrong suffix, or be damaged at its beginning.",
-    )
 
 
 FloatImage = NDArray[np.float32]
@@ -1063,7 +955,7 @@ class ClipReader:
         """
         place = Path(path)
         if not os.path.exists(place):
-            raise _missing(place)
+            raise missing(place)
         if place.is_dir():
             folder = ImageFolder(place, whole=whole)
             clip = cls(*_without_repeats(folder), folder.upright)
@@ -1086,7 +978,7 @@ class ClipReader:
         if every > 1:
             clip = clip._thinned(every)
         if clip.info.frames < least_frames:
-            raise _too_few(place, clip.info.frames)
+            raise too_few(place, clip.info.frames)
         return clip
 
     def _thinned(self, every: int) -> "ClipReader":

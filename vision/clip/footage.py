@@ -884,7 +884,7 @@ def choose_capture_rate(
         ASSUMED_FPS,
         math.inf,
         RateSource.ASSUMED,
-        f"The camera's frame rate is not known: {info.path.name} declares {said}. "
+        f"The camera's frame rate is not known: the file declares {said}. "
         f"{ASSUMED_FPS:g} fps are assumed. Times and speeds are given only if a free fall with a "
         "known scale determines the rate. Pass --fps RATE, or set capture_fps in the setup file.",
     )

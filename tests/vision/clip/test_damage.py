@@ -22,7 +22,9 @@ def refusal(path):
 
 
 def test_missing_file(tmp_path):
-    assert "there is no file" in refusal(tmp_path / "none.mp4")
+    for name in ("none.mp4", "x" * 300, "a\0b"):
+        assert "there is no file" in refusal(tmp_path / name)
+    assert "there is no file" in refusal(tmp_path / "nowhere" / "none.mp4")
 
 
 @pytest.mark.parametrize(
@@ -34,6 +36,8 @@ def test_missing_file(tmp_path):
         ("0001.png", "one picture of 5: pass their folder"),
         ("throw.mov", "Did you mean Throw.mov?"),
         ("t.csv", "--from-tracks"),
+        ("t.txt", "--from-tracks"),
+        ("t.xlsx", "--from-tracks"),
         ("a.cine", "Phantom Camera Control"),
     ],
 )
@@ -42,7 +46,9 @@ def test_the_hint_names_what_was_meant(tmp_path, name, cure):
         cv2.imwrite(str(tmp_path / f"{number:04d}.png"), scene(20, 20))
     for other in ("Throw.mov", ".b.mp4.icloud"):
         (tmp_path / other).write_bytes(b"x")
-    (tmp_path / "t.csv").write_text("t,x,y\n0,1,2\n")
+    for table in ("t.csv", "t.txt"):
+        (tmp_path / table).write_text("t,x,y\n" + "0,1,2\n" * 60)
+    (tmp_path / "t.xlsx").write_bytes(b"PK\3\4" + bytes(200))
     (tmp_path / "a.cine").write_bytes(b"CI\x2c\0\1\0" + bytes(200))
     path = name if "://" in name else tmp_path / name
     with pytest.raises(ClipError) as caught:
@@ -59,7 +65,7 @@ def test_empty_file(tmp_path):
 def test_text_under_a_video_name(tmp_path):
     path = tmp_path / "notes.mp4"
     path.write_text("these are notes\n" * 500)
-    assert "cannot be read as a video" in refusal(path)
+    assert "holds text" in refusal(path)
 
 
 def test_sound_without_pictures(tmp_path):
