@@ -102,7 +102,7 @@ def one_frame(whole: Path, path: Path) -> None:
     [
         (cut_short, "is cut off", "Copy it"),
         (empty, "is empty", "Copy it"),
-        (renamed, "cannot be read as a video", "a wrong suffix"),
+        (renamed, "holds text or a table", "--from-tracks"),
         (audio_only, "no video", "Pass the file"),
         (one_frame, "1 frame", "whole recording"),
     ],

@@ -230,7 +230,7 @@ def test_an_input_that_a_quantity_needs_is_missed_before_the_work_begins(tmp_pat
     clip.write_text("not a video", encoding="utf-8")
     result = CliRunner().invoke(app, ["landing", str(clip)])
     assert result.exit_code == 3
-    assert result.output.index("height of the support") < result.output.index("video")
+    assert result.output.index("height of the support") < result.output.index("not pictures")
 
 
 def test_a_text_under_a_videos_name_is_refused(tmp_path: Path) -> None:
