@@ -20,8 +20,8 @@ from mismatch.fitting.fit import (
     spread_laws,
 )
 from mismatch.fitting.hypotheses import POOR_FIT
-from mismatch.fitting.prepare import Prepared, prepare
-from mismatch.forward import Forward
+from mismatch.fitting.prepare import Prepared, baseline_model, prepare
+from mismatch.forward import NUISANCES, Forward
 from mismatch.records import CampaignRecords, Trial
 from physics.domain import FloatArray, Number
 from physics.effects import CATALOGUE, Effect, Level, Parameter, Values
@@ -109,7 +109,8 @@ def refuse_nonsense(campaign: CampaignRecords, prepared: Prepared) -> None:
     x, y = records.position[..., 0][both], records.position[..., 1][both]
     px, py = predicted[:, :s][both], predicted[:, s : 2 * s][both]
     names = [trial.name for trial in campaign.trials]
-    _refuse_far_off(names, records.position[..., :2], predicted[:, : 2 * s], both)
+    paths = (predicted[:, : 2 * s], _as_stated(forward, both)[:, : 2 * s])
+    _refuse_far_off(names, records.position[..., :2], paths, both)
     straight = _distance(x - px, y - py)
     size = _spread(px, py)
     if straight > SUSPICIOUS * size and _fits_swapped(campaign, prepared):
@@ -222,26 +223,39 @@ def in_other_unit(sizes: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(found & (sizes >= high[0]))
 
 
-def _refuse_far_off(
-    names: Sequence[str], position: FloatArray, predicted: FloatArray, used: NDArray[np.bool_]
-) -> None:
-    """Refuse paths of another size than the setup's, (trials, samples, 2) and (trials, 2 samples).
+def _as_stated(forward: Forward, used: NDArray[np.bool_]) -> FloatArray:
+    """Strikes by the setup alone at the beginning of each record: no ball flies farther in it."""
+    nuisance = np.zeros((1, len(used), len(NUISANCES["impact"])))
+    begin = np.min(forward.records.ball_time, axis=1, where=used, initial=np.inf)
+    nuisance[..., 0] = np.where(used.any(axis=1), begin, 0.0)
+    return np.asarray(forward.predict([baseline_model(forward.baseline)], nuisance)[0])
 
-    A unit is wrong in all trials alike. Where only some are far off, a refitted baseline ran away
-    from a setup that those trials contradict.
+
+def _refuse_far_off(
+    names: Sequence[str],
+    position: FloatArray,
+    paths: tuple[FloatArray, FloatArray],
+    used: NDArray[np.bool_],
+) -> None:
+    """Refuse paths (trials, samples, 2) of another size than expected, twice (trials, 2 samples).
+
+    Expected are those of the refitted baseline and, at most, those of the setup alone: a refitted
+    baseline may follow a trial in another unit. A unit is wrong in all trials alike. Where only
+    some are far off, a refitted baseline ran away from a setup that those trials contradict.
     """
     s = used.shape[1]
     seen = np.flatnonzero(used.any(axis=1))
     recorded = np.array([_spread(*position[i, used[i]].T) for i in seen])
-    expected = np.array([_spread(*predicted[i].reshape(2, s)[:, used[i]]) for i in seen])
-    # A trial that shows hardly any motion tells nothing of its size.
+    expected, farthest = (
+        np.array([_spread(*path[i].reshape(2, s)[:, used[i]]) for i in seen]) for path in paths
+    )
+    # A trial that shows hardly any motion leaves its size open.
     ratios = np.maximum(recorded, np.median(recorded) / FAR_OFF) / np.maximum(
         expected, max(float(np.median(expected)) / FAR_OFF, 1e-9)
     )
     far = (ratios > FAR_OFF) | (ratios < 1.0 / FAR_OFF)
-    if not far.all():
-        # A baseline that followed a trial in another unit comes near it.
-        far |= in_other_unit(recorded)
+    farther = recorded / np.maximum(farthest, max(float(np.median(farthest)) / FAR_OFF, 1e-9))
+    far |= farther > FAR_OFF
     if far.all():
         raise UsageError(
             f"the recorded positions spread {np.median(ratios):.3g} times as far as the setup"
@@ -250,12 +264,12 @@ def _refuse_far_off(
             " pixels or milliseconds?",
         )
     if far.any():
-        which = ", ".join(names[i] for i in seen[far])
-        factor = float(np.median(recorded[far]) / np.median(recorded[~far]))
-        if _is_of_units(factor):
+        other = far & np.array([_is_of_units(factor) for factor in farther])
+        which = ", ".join(names[i] for i in seen[other if other.any() else far])
+        if other.any():
             raise UsageError(
-                f"positions of trial {which} spread {factor:.3g} times as far as those of the"
-                " others, so units seem to differ by row",
+                f"positions of trial {which} spread {np.median(farther[other]):.3g} times as far"
+                " as the setup allows, so units seem to differ by row",
                 hint="Write all rows in metres, the unit of the head.",
             )
         raise UsageError(
