@@ -62,7 +62,10 @@ def beside_usual_inputs(prepared: Prepared, naming: Naming) -> BesideInputs:
     forward, best = prepared.forward, naming.best
     if best is None or forward.mode != "impact":
         return BesideInputs((), None)
-    instead = _in_place_of_names(prepared, naming, best)
+    instead = tuple(h for h in _in_place_of_names(prepared, naming, best) if h.allowed)
+    if not instead or len(instead[0].members) > 1:
+        # Errors beyond their bounds are a fit that ran away, and no baseline.
+        return BesideInputs(instead, None)
     alone, *others = (h.penalised_gain for h in instead)
     inputs = instead[0].members[0].effect
     both = _beside(forward, prepared.fit, best, inputs)
@@ -73,8 +76,8 @@ def beside_usual_inputs(prepared: Prepared, naming: Naming) -> BesideInputs:
     found = (alone, *others, both.penalised_gain)
     if all(one <= limit for one, limit in zip(found, limits, strict=True)):
         return BesideInputs(instead, None)
-    told = replace(forward.baseline, instruments=(*forward.baseline.instruments, inputs))
-    opened = replace(prepared, forward=replace(forward, baseline=told), fit=instead[0].fit)
+    baseline = replace(forward.baseline, instruments=(*forward.baseline.instruments, inputs))
+    opened = replace(prepared, forward=replace(forward, baseline=baseline), fit=instead[0].fit)
     return BesideInputs((both, *instead), opened, max(found) - height)
 
 

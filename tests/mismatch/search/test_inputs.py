@@ -65,13 +65,14 @@ def _spread(prepared):
 
 
 @pytest.mark.parametrize(
-    ("alone", "beside", "opened"), [(90.0, 107.0, False), (90.0, 108.0, True), (101.0, 90.0, True)]
+    ("alone", "beside", "opened"),
+    [(90.0, 107.0, False), (90.0, 108.0, True), (101.0, 90.0, True), (-101.0, 108.0, False)],
 )
 def test_inputs_in_place_of_a_further_name_have_to_be_surely_ahead(
     alone, beside, opened, monkeypatch
 ):
     """A rolling shutter next to a lens was left out: usual errors were 2 of 1,713 ahead."""
-    sets = (_set_with_inputs(alone), _set_with_inputs(beside))
+    sets = (_set_with_inputs(alone), _set_with_inputs(beside, names=1))
     monkeypatch.setattr(inputs, "_in_place_of_names", lambda *_: sets)
     monkeypatch.setattr(inputs, "_beside", lambda *_: _set_with_inputs(0.0))
     monkeypatch.setattr(inputs, "group_tolerance", lambda _: 7.0)
@@ -82,12 +83,14 @@ def test_inputs_in_place_of_a_further_name_have_to_be_surely_ahead(
     monkeypatch.setattr(inputs, "replace", lambda _, **given: given)
     found = beside_usual_inputs(prepared, naming)
     assert (found.opened is not None) == opened
-    assert found.sets[-2:] == sets
+    assert found.sets[-2:] == tuple(one for one in sets if one.allowed)
 
 
-def _set_with_inputs(evidence):
-    members = (SimpleNamespace(effect=INPUTS),)
-    return SimpleNamespace(penalised_gain=evidence, members=members, fit=None)
+def _set_with_inputs(evidence, names=0):
+    """A set of usual errors and names; of a negative size if a fit left its bounds."""
+    members = (SimpleNamespace(effect=INPUTS),) * (1 + names)
+    allowed = evidence >= 0.0
+    return SimpleNamespace(penalised_gain=abs(evidence), members=members, fit=None, allowed=allowed)
 
 
 def test_what_is_open_or_named_already_is_not_opened_twice():
