@@ -46,7 +46,12 @@ from mismatch.fitting.wandering import wandering_errors
 from mismatch.forward import OUTSIDE, Forward
 from mismatch.records import SIGNIFICANT, Baseline, CampaignRecords
 from mismatch.repeats import IN_ANOTHER_ORDER, repeats_of
-from mismatch.sanity import DroppedInEach, refuse_nonsense, without_odd_trials
+from mismatch.sanity import (
+    DroppedInEach,
+    refuse_beyond_bounds,
+    refuse_nonsense,
+    without_odd_trials,
+)
 from mismatch.search.inputs import beside_usual_inputs
 from mismatch.search.locate import (
     locate,
@@ -171,6 +176,7 @@ def explain_in_full(
     _log.info("Fit the baseline: %d rows, trials: %d", rows, len(campaign.trials))
     prepared = prepare(campaign, setup_model, chosen.widths)
     refuse_nonsense(campaign, prepared)
+    refuse_beyond_bounds(prepared.fit)
     catalogue = [effect for forms in CATALOGUE.values() for effect in forms]
     effects = [
         _of_width(effect, chosen.widths.get(effect.id)) for effect in (*catalogue, *chosen.effects)

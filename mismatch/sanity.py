@@ -21,6 +21,7 @@ from mismatch.fitting.fit import (
 )
 from mismatch.fitting.hypotheses import POOR_FIT
 from mismatch.fitting.prepare import Prepared, baseline_model, prepare
+from mismatch.fitting.stated import StatedInputs
 from mismatch.forward import NUISANCES, Forward
 from mismatch.records import CampaignRecords, Trial
 from physics.domain import FloatArray, Number
@@ -35,6 +36,7 @@ __all__ = [
     "fall_in_g",
     "in_other_unit",
     "keeps_time",
+    "refuse_beyond_bounds",
     "refuse_nonsense",
     "without_odd_trials",
 ]
@@ -124,6 +126,25 @@ def refuse_nonsense(campaign: CampaignRecords, prepared: Prepared) -> None:
             f" of {size:.2g} m",
             hint="Check back-swing angles, ball names, pendulum and support in the setup.",
         )
+
+
+def refuse_beyond_bounds(fit: Fit) -> None:
+    """Refuse stated inputs that the baseline needs further off than any input may be.
+
+    Raises
+    ------
+    UsageError
+        With what would have to be off, and by how much.
+    """
+    for index, item in enumerate(fit.free):
+        p, (value, _) = item.parameter, fit.value(index)
+        stated = isinstance(fit.model.entries[item.entry][0], StatedInputs)
+        if stated and not p.lower <= value <= p.upper:
+            raise UsageError(
+                f"the setup contradicts the data: {p.name.replace('_', ' ')} would be off by"
+                f" {100.0 * value:.0f} %, stated ± {100.0 * p.width:.2g} %",
+                hint="Check masses, lengths and inertia in the setup, and the units of the data.",
+            )
 
 
 def _refuse_swing(forward: Forward) -> None:

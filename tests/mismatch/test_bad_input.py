@@ -9,6 +9,7 @@ from scipy.special import ellipj, ellipk
 from metrology import TooLittleDataError, UsageError
 from mismatch import CampaignRecords, Options, Trial, explain
 from mismatch.fitting.prepare import prepare
+from mismatch.fitting.stated import stated_inputs
 from mismatch.records import Baseline
 from mismatch.sanity import refuse_nonsense, without_odd_trials
 from physics.bodies import GRAVITY, PAPER_PENDULUM
@@ -130,6 +131,15 @@ def test_a_wrong_pendulum_in_the_setup_gives_no_confident_name():
     verdict = explain(campaign, replace(baseline, pendulum=heavy))
     assert all(effect.probability < 0.8 for effect in verdict.effects)
     assert any("check pendulum" in note for note in verdict.notes)
+
+
+def test_an_input_that_would_be_off_by_more_than_half_is_refused():
+    """Stated to 20 %, an inertia of six times its size was only a note beside "unexplained"."""
+    campaign, baseline = struck_campaign(seed=3)
+    heavy = replace(baseline.pendulum, inertia=6.0 * baseline.pendulum.inertia)
+    stated = stated_inputs({"inertia": 0.2, "ball_mass": 0.05})
+    with pytest.raises(UsageError, match=r"inertia would be off by -83 %, stated ± 20 %"):
+        explain(campaign, replace(baseline, pendulum=heavy, instruments=stated))
 
 
 def test_a_users_effect_that_raises_is_named_in_the_error():
