@@ -518,33 +518,31 @@ def _with_gaps(scene: FilmedScene, fits: BallFits) -> BallFits:
 def _striker(
     scene: FilmedScene, rest: Rest, rough: BallFits, at: Point | None, kept: KeptResults
 ) -> Striker | None:
-    """What struck the ball, in gray; else against the first frames, in colour, and if small.
+    """What struck the ball: in gray, before the scene as it began, and in colour or if small.
 
-    The last frame of rest is known to a frame or so.
+    The last frame of rest is known to a frame or so: what swings there and contradicts the strike
+    may agree with it a frame sooner or later.
     """
-    found = None
-    for last in (rest.last, rest.last - 1, rest.last + 1):
-        other = find_striker(scene, replace(rest, last=last), rough, at, kept=kept)
-        if other is not None and other.surely_struck:
-            return other
-        found = found or other
-    begun = scene.as_it_began()
-    other = None if begun is None else find_striker(begun, rest, rough, at)
-    if other is not None and other.surely_struck:
-        return other
-    if found is not None:
-        return found
-    pictures = [scene]
-    for tint in ((1.0, 0.0), (0.0, 1.0)):
-        pictures.append(scene.tinted(*tint))
-        found = find_striker(pictures[-1], rest, rough, at)
-        if found is not None and found.striking is Striking.AGREES:
-            return found
-    for picture in pictures:
-        found = find_striker(picture, rest, rough, at, small=True)
-        if found is not None and found.striking is Striking.AGREES:
-            return found
-    return None
+    first = find_striker(scene, rest, rough, at, kept=kept)
+    if first is not None and first.surely_struck:
+        return first
+    tried = [first]
+    if first is not None and first.striking is not Striking.UNKNOWN:
+        for last in (rest.last - 1, rest.last + 1):
+            other = find_striker(scene, replace(rest, last=last), rough, at, kept=kept)
+            if other is not None and other.surely_struck:
+                return other
+            tried.append(other)
+    pictures = [] if (begun := scene.as_it_began()) is None else [begun]
+    if first is None:
+        tried.append(find_striker(scene, rest, rough, at, small=True))
+    else:
+        pictures += [scene.tinted(1.0, 0.0), scene.tinted(0.0, 1.0)]
+    tried += [find_striker(picture, rest, rough, at) for picture in pictures]
+    seen = [one for one in tried if one is not None]
+    agree = [one for one in seen if one.striking is Striking.AGREES]
+    sure = [one for one in agree if one.surely_struck]
+    return next(iter([*sure, *agree, *seen]), None)
 
 
 def _still_until(rest: Rest, fits: BallFits) -> tuple[int, int]:

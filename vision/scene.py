@@ -802,12 +802,12 @@ class FilmedScene:
         self._first = self.background
         self._aligner = Aligner(self.background.image, self.noise)
         self._meter = LightMeter(self.background.image, self.noise)
+        if self.hand_held:
+            self._register()
 
     def anew(self) -> "FilmedScene":
-        """The same scene before any of its frames was registered."""
-        other = copy.copy(self)
-        other.views, other._small = {}, ((0, 0), {})
-        return other
+        """The same scene, of which more can be uncovered; frames are registered once for both."""
+        return copy.copy(self)
 
     def tinted(self, blueness: float, redness: float) -> "FilmedScene":
         """The same scene in one colour: see `Footage.tinted`.
@@ -874,6 +874,14 @@ class FilmedScene:
         return estimate_background(
             [warp_to_scene(gray, view) for gray, view in zip(grays, centred, strict=True)]
         )
+
+    def _register(self) -> None:
+        """Register all frames of a moving camera, each from the view of the frame before."""
+        for index, frame in self._frames(np.arange(self.count)):
+            if frame is None:
+                self.views[index] = self.views.get(index - 1, _UPRIGHT_VIEW)
+            else:
+                self.view(index, frame)
 
     @property
     def count(self) -> int:
@@ -1070,12 +1078,6 @@ class FilmedScene:
         """Shift of the scene in every frame (F, 2), px; None for a camera that stands still."""
         if not self.hand_held:
             return None
-        missing = np.setdiff1d(np.arange(self.count), np.array(sorted(self.views), dtype=np.int64))
-        for index, frame in self._frames(missing):
-            if frame is None:
-                self.views.setdefault(index, self.views.get(index - 1, _UPRIGHT_VIEW))
-            else:
-                self.view(index, frame)
         return np.array([self.views[index].shift_px for index in range(self.count)])
 
 

@@ -20,8 +20,9 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 from itertools import pairwise
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, TypeVar
 
 import cv2
 import numpy as np
@@ -261,9 +262,9 @@ _NEUTRAL_LEVEL = 128.0
 _MAX_HELD_BYTES = 120_000_000
 """Bytes of frames kept while a clip is read and the action's length is unknown (chosen)."""
 
-_MAX_ACTION_BYTES = 350_000_000
-"""Bytes of an action kept in memory (chosen): with a colour-difference copy the process stays below
-a gigabyte, and a hundred thousand accesses need no decoding."""
+_MAX_ACTION_BYTES = 100_000_000
+"""Bytes of an action kept in memory (chosen): with copies in colour and in a colour difference
+three times as much."""
 
 _MAX_SPILLED_BYTES = 2_000_000_000
 """Bytes of an action kept in a temporary file (chosen): reading there takes a thirtieth of
@@ -296,7 +297,10 @@ _IDLE_WEIGHT = 0.15
 """Weight of frame number relative to motion time where a sample of frames is spread (chosen)."""
 
 
-class _Spilled(Sequence[GrayFrame]):
+_Picture = TypeVar("_Picture", bound=GrayFrame)
+
+
+class _Spilled(Sequence[_Picture]):
     """Frames in an unnamed temporary file, deleted with the last reference to it.
 
     Parameters
@@ -305,7 +309,7 @@ class _Spilled(Sequence[GrayFrame]):
         All of one size and type, in time order.
     """
 
-    def __init__(self, frames: Iterable[GrayFrame]) -> None:
+    def __init__(self, frames: Iterable[_Picture]) -> None:
         self._file = tempfile.TemporaryFile()  # noqa: SIM115, lives as long as this
         weakref.finalize(self, _closed, self._file)
         self._reading = threading.Lock()
@@ -333,7 +337,7 @@ def _closed(file: IO[bytes]) -> None:
         file.close()
 
 
-def _stored(frames: Iterable[GrayFrame], size: int) -> Sequence[GrayFrame] | None:
+def _stored(frames: Iterable[_Picture], size: int) -> Sequence[_Picture] | None:
     """Frames of `size` bytes in memory or in a file; None where they fit in neither."""
     if size < _MAX_ACTION_BYTES:
         return list(frames)
@@ -344,6 +348,34 @@ def _stored(frames: Iterable[GrayFrame], size: int) -> Sequence[GrayFrame] | Non
         )
     except OSError:  # no writable place: decoding again is slower but gives the same frames
         return None
+
+
+class _Colours:
+    """Colour pictures of an action, decoded once, when the first is asked for."""
+
+    def __init__(self, clip: "ClipReader", first: int, count: int, pixels: int) -> None:
+        self._clip, self._first, self._count = clip, first, count
+        self._size = 3 * count * pixels
+
+    @cached_property
+    def _held(self) -> Sequence[NDArray[np.uint8]] | None:
+        return _stored((image for _, image in self._decoded(0, self._count)), self._size)
+
+    def _decoded(self, start: int, stop: int) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+        for index, image in self._clip.colour_frames(self._first + start, self._first + stop):
+            yield index - self._first, image
+
+    def pictures(self, rows: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+        """Yield the pictures (H, W, 3) of increasing rows of the action, blue first."""
+        if len(rows) == 0:
+            return
+        if self._held is not None:
+            yield from ((row, self._held[row]) for row in rows.tolist())
+            return
+        chosen = set(rows.tolist())
+        for row, image in self._decoded(int(rows[0]), int(rows[-1]) + 1):
+            if row in chosen:
+                yield row, image
 
 
 class Footage:
@@ -437,6 +469,8 @@ class Footage:
         self.sample_index = self.shown[rows]
         self.sample_frames = [gathered.sample[row] for row in rows]
         self.full_scale = 255.0 if self.sample_frames[0].dtype == np.uint8 else 65535.0
+        pixels = self.sample_frames[0].size
+        self._colours = _Colours(clip, self.first, len(self.shown), pixels)
         if self._held is None:
             size = len(self.shown) * self.sample_frames[0].nbytes
             pictures = (picture for _, picture in self._decoded(0, len(self.shown)))
@@ -480,14 +514,8 @@ class Footage:
 
     def coloured(self, wanted: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.uint8]]]:
         """Yield the requested frames present in the file (H, W, 3), blue first, in time order."""
-        rows = self._held_of(wanted)
-        if len(rows) == 0:
-            return
-        chosen = set(rows.tolist())
-        start, stop = self.first + int(rows[0]), self.first + int(rows[-1]) + 1
-        for index, image in self._clip.colour_frames(start, stop):
-            if index - self.first in chosen:
-                yield int(self.shown[index - self.first]), image
+        for row, image in self._colours.pictures(self._held_of(wanted)):
+            yield int(self.shown[row]), image
 
     def missing(self, index: int) -> bool:
         """Whether a frame is missing from the file."""
@@ -511,14 +539,12 @@ class Footage:
 
     def _decoded(self, start: int, stop: int) -> Iterator[tuple[int, GrayFrame]]:
         """Pictures of the action from `start` up to, not including, `stop`, decoded again."""
-        start, stop = self.first + start, self.first + stop
         if self._tint is None:
-            for frame in self._clip.frames(start, stop):
+            for frame in self._clip.frames(self.first + start, self.first + stop):
                 yield frame.index - self.first, frame.gray
             return
-        for index, image in self._clip.colour_frames(start, stop):
-            tinted = cv2.transform(image, self._tint)
-            yield index - self.first, np.asarray(tinted, dtype=np.uint8)
+        for row, image in self._colours.pictures(np.arange(start, min(stop, len(self.shown)))):
+            yield row, np.asarray(cv2.transform(image, self._tint), dtype=np.uint8)
 
     def moved_in(self, part: tuple[int, int]) -> float:
         """Motion from a frame of the clip up to, not including, another one, ticks."""

@@ -186,7 +186,10 @@ def registration_step(
     if seen < MIN_VISIBLE:
         return None
     rms_residual = float(np.sqrt(squares / (weights + 1e-9))) / glimpse.noise
-    return RegistrationStep(normal, pull, scale, seen, gained, explained, rms_residual)
+    each = patch.each
+    return RegistrationStep(
+        each * normal, each * pull, scale, seen, each * gained, explained, rms_residual
+    )
 
 
 def differing(patch: Patch, placing: FloatArray, glimpse: Glimpse) -> float:

@@ -392,9 +392,7 @@ def find_striker(
     def searched() -> "tuple[_StrikerSearch | None, dict[int, FrameView]]":
         return _searched(scene, rest, near, at, small), dict(scene.views)
 
-    # a moving camera's frames are registered one after another
-    views = scene.views if scene.hand_held else None
-    depends = (scene.known, views, rest, near.frame, near.centre, near.radius, at, small)
+    depends = (scene.known, rest, near.frame, near.centre, near.radius, at, small)
     search, views = (kept or KeptResults()).once(f"striker at {rest.last}", depends, searched)
     scene.views.update(views)
     return None if search is None else search.striker(ball)
