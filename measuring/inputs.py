@@ -229,12 +229,16 @@ class QuantityName(StrEnum):
     OTHER_SPEED_BEFORE = "other_speed_before"
     OTHER_SPEED_AFTER = "other_speed_after"
     COR_COLLISION = "cor_collision"
+    ROLL_ACCELERATION = "roll_acceleration"
+    ROLL_SPEED = "roll_speed"
     FALL_ACCELERATION_PX = "fall_acceleration_px"
     FLIGHT_SPEED_PX = "flight_speed_px"
     SPEED_BEFORE_PX = "speed_before_px"
     SPEED_AFTER_PX = "speed_after_px"
     OTHER_SPEED_BEFORE_PX = "other_speed_before_px"
     OTHER_SPEED_AFTER_PX = "other_speed_after_px"
+    ROLL_ACCELERATION_PX = "roll_acceleration_px"
+    ROLL_SPEED_PX = "roll_speed_px"
 
 
 _STRIKE_ONLY = (MotionKind.STRIKE,)
@@ -242,6 +246,8 @@ _STRIKE_ONLY = (MotionKind.STRIKE,)
 _FALL = (MotionKind.FLIGHT, MotionKind.DROP)
 
 _MET = (MotionKind.COLLISION,)
+
+_ROLLS = (MotionKind.ROLL, MotionKind.SLIDE)
 
 _ANY_KIND = tuple(MotionKind)
 
@@ -276,6 +282,8 @@ _QUANTITY_TABLE: dict[QuantityName, tuple[str, tuple[MotionKind, ...]]] = {
     QuantityName.OTHER_SPEED_BEFORE: ("m/s", _MET),
     QuantityName.OTHER_SPEED_AFTER: ("m/s", _MET),
     QuantityName.COR_COLLISION: ("1", _MET),
+    QuantityName.ROLL_ACCELERATION: ("m/s^2", _ROLLS),
+    QuantityName.ROLL_SPEED: ("m/s", _ROLLS),
 }
 
 QUANTITY_UNITS: dict[str, str] = {name.value: unit for name, (unit, _) in _QUANTITY_TABLE.items()}
@@ -317,6 +325,8 @@ _IN_PIXELS = {
     QuantityName.SPEED_AFTER: QuantityName.SPEED_AFTER_PX,
     QuantityName.OTHER_SPEED_BEFORE: QuantityName.OTHER_SPEED_BEFORE_PX,
     QuantityName.OTHER_SPEED_AFTER: QuantityName.OTHER_SPEED_AFTER_PX,
+    QuantityName.ROLL_ACCELERATION: QuantityName.ROLL_ACCELERATION_PX,
+    QuantityName.ROLL_SPEED: QuantityName.ROLL_SPEED_PX,
 }
 
 
@@ -353,6 +363,7 @@ _MAIN: dict[MotionKind, tuple[QuantityName, ...]] = {
         (*_FALL, MotionKind.BOUNCE),
         (QuantityName.FALL_ACCELERATION, QuantityName.FLIGHT_SPEED, QuantityName.FLIGHT_ANGLE),
     ),
+    **dict.fromkeys(_ROLLS, (QuantityName.ROLL_ACCELERATION, QuantityName.ROLL_SPEED)),
 }
 
 

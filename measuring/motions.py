@@ -1,4 +1,4 @@
-"""Quantities of motions other than strikes: free flight, collision, free swing.
+"""Quantities of flight, roll, collision and swing.
 
 If the camera is not square to the plane of motion, the scale changes along the path: over a drop
 that fills the picture, 1° of slant mimics 2 % of acceleration. A slant also bends the path and
@@ -26,7 +26,7 @@ from measuring.checks import (
 )
 from measuring.flight_fit import slow_error_whitening
 from measuring.impact import disc_contact
-from measuring.inputs import QuantityName, in_pixels
+from measuring.inputs import QUANTITY_UNITS, QuantityName, in_pixels
 from metrology import (
     Contribution,
     MeasurementError,
@@ -183,9 +183,26 @@ class FreeFlight:
         return np.array([self.acceleration, self.speed, self.angle_deg])
 
     @cached_property
+    def _halves(self) -> tuple[float, float]:
+        return _halves_difference(self.path, self.priors)
+
+    @property
     def halves_difference(self) -> float:
         """Difference of the accelerations of both halves, in standard uncertainties."""
-        return _halves_difference(self.path, self.priors)
+        difference, std = self._halves
+        return difference / std
+
+    @property
+    def change(self) -> FloatArray:
+        """Change of acceleration, speed and angle (3,) if the acceleration changes along the line.
+
+        A parabola fitted to a cubic of duration T whose halves differ by D in acceleration errs by
+        D T / 5 in the speed at its beginning.
+        """
+        difference, std = self._halves
+        apart = math.sqrt(max(difference**2 - std**2, 0.0)) if math.isfinite(std) else 0.0
+        duration = float(self.path.time[-1] - self.path.time[0])
+        return np.array([0.5 * apart, 0.2 * apart * duration, 0.0])
 
     @property
     def length(self) -> float:
@@ -262,7 +279,9 @@ def _run_about(good: NDArray[np.bool_], centre: int) -> NDArray[np.bool_]:
     return run
 
 
-def fit_free_flight(path: FlightFrames, priors: FreeFlightPriors) -> FreeFlight:
+def fit_free_flight(
+    path: FlightFrames, priors: FreeFlightPriors, *, whole: bool = False
+) -> FreeFlight:
     """Fit flight, slant of the camera and drag to the frames of a free flight.
 
     Parameters
@@ -270,13 +289,15 @@ def fit_free_flight(path: FlightFrames, priors: FreeFlightPriors) -> FreeFlight:
     path : FlightFrames
         Any unit of length and time.
     priors : FreeFlightPriors
+    whole : bool
+        Whether all frames are fitted, instead of those alone that fit one parabola.
 
     Raises
     ------
     TooLittleDataError
         If fewer than six frames fit one flight.
     """
-    path = steady_stretch(path)
+    path = path if whole and len(path.time) >= MIN_FLIGHT_FRAMES else steady_stretch(path)
     fitted, units, residual = _fitted(path, priors)
     residual_std = np.sqrt((residual**2).sum(axis=0) / max(len(residual) - 3, 1))
     if np.any(residual_std > np.median(path.std, axis=0)):
@@ -437,11 +458,11 @@ def _without(covariance: FloatArray, names: list[str]) -> FloatArray:
     return out
 
 
-def _halves_difference(path: FlightFrames, priors: FreeFlightPriors) -> float:
-    """Difference of the two halves' accelerations over its standard uncertainty."""
+def _halves_difference(path: FlightFrames, priors: FreeFlightPriors) -> tuple[float, float]:
+    """Difference of the two halves' accelerations, and its standard uncertainty."""
     half = len(path.time) // 2
     if half < MIN_FLIGHT_FRAMES:
-        return 0.0
+        return 0.0, math.inf
     found = []
     for part in (slice(0, half), slice(half, None)):
         keep = np.zeros(len(path.time), dtype=bool)
@@ -451,7 +472,7 @@ def _halves_difference(path: FlightFrames, priors: FreeFlightPriors) -> float:
         variance = fitted.covariance[_PLACE["ay"], _PLACE["ay"]]
         found.append((fitted.values[_PLACE["ay"]] * unit, math.sqrt(variance) * unit))
     (one, one_std), (other, other_std) = found
-    return float(abs(one - other) / math.hypot(one_std, other_std))
+    return float(abs(one - other)), math.hypot(one_std, other_std)
 
 
 COLLISION_LINE_FRAMES = 20
@@ -885,6 +906,8 @@ def motion_quantities(tracks: Tracks, scene: MotionScene) -> MotionResults:
     try:
         if kind in (MotionKind.FLIGHT, MotionKind.DROP):
             return _falling(tracks, scene)
+        if kind in (MotionKind.ROLL, MotionKind.SLIDE):
+            return _rolling(tracks, scene)
         if kind is MotionKind.SWING:
             return _swinging(tracks, scene)
         if kind is MotionKind.COLLISION:
@@ -899,23 +922,30 @@ def motion_quantities(tracks: Tracks, scene: MotionScene) -> MotionResults:
     return MotionResults()
 
 
-_KIND_UNITS: dict[MotionKind, dict[QuantityName, str]] = {
-    kind: {
-        QuantityName.FALL_ACCELERATION: "m/s^2",
-        QuantityName.FLIGHT_SPEED: "m/s",
-        QuantityName.FLIGHT_ANGLE: "deg",
+_KIND_UNITS: dict[MotionKind, dict[QuantityName, str]] = (
+    {
+        kind: {
+            QuantityName.FALL_ACCELERATION: "m/s^2",
+            QuantityName.FLIGHT_SPEED: "m/s",
+            QuantityName.FLIGHT_ANGLE: "deg",
+        }
+        for kind in (MotionKind.FLIGHT, MotionKind.DROP)
     }
-    for kind in (MotionKind.FLIGHT, MotionKind.DROP)
-} | {
-    MotionKind.SWING: {QuantityName.SWING_PERIOD: "s", QuantityName.SWING_DAMPING: "1/s"},
-    MotionKind.COLLISION: {
-        QuantityName.SPEED_BEFORE: "m/s",
-        QuantityName.SPEED_AFTER: "m/s",
-        QuantityName.OTHER_SPEED_BEFORE: "m/s",
-        QuantityName.OTHER_SPEED_AFTER: "m/s",
-        QuantityName.COR_COLLISION: "1",
-    },
-}
+    | {
+        kind: {QuantityName.ROLL_ACCELERATION: "m/s^2", QuantityName.ROLL_SPEED: "m/s"}
+        for kind in (MotionKind.ROLL, MotionKind.SLIDE)
+    }
+    | {
+        MotionKind.SWING: {QuantityName.SWING_PERIOD: "s", QuantityName.SWING_DAMPING: "1/s"},
+        MotionKind.COLLISION: {
+            QuantityName.SPEED_BEFORE: "m/s",
+            QuantityName.SPEED_AFTER: "m/s",
+            QuantityName.OTHER_SPEED_BEFORE: "m/s",
+            QuantityName.OTHER_SPEED_AFTER: "m/s",
+            QuantityName.COR_COLLISION: "1",
+        },
+    }
+)
 
 
 @dataclass(frozen=True)
@@ -943,7 +973,10 @@ def rate_from_gravity(tracks: Tracks, scene: MotionScene) -> RateFromGravity | N
     flight = flight_of(ball, in_frames)
     budget = _Lines.of(flight, in_frames, ball).budget(0, in_frames)
     std = math.sqrt(sum(line.std**2 for line in budget))
-    if flight.acceleration <= 0 or _steady(flight, len(ball)).outcome is CheckOutcome.FAILED:
+    if (
+        flight.acceleration <= 0
+        or _steady(flight, len(ball), "in free fall").outcome is CheckOutcome.FAILED
+    ):
         return None
     relative_std = 0.5 * std / flight.acceleration
     if relative_std > MAX_RATE_RELATIVE_STD:
@@ -962,8 +995,12 @@ def applicable(tracks: Tracks) -> Track:
     return kept if len(kept) else ball
 
 
-def flight_of(ball: Track, scene: MotionScene, mapping: Mapping | None = None) -> FreeFlight:
+def flight_of(
+    ball: Track, scene: MotionScene, mapping: Mapping | None = None, *, rolls: bool = False
+) -> FreeFlight:
     """Free flight of a track, in metres with a scale and seconds with a rate, else px and frames.
+
+    What rolls or slides falls along its line.
 
     Raises
     ------
@@ -990,11 +1027,29 @@ def flight_of(ball: Track, scene: MotionScene, mapping: Mapping | None = None) -
     time = scene.clock[ball.frame] / (scene.fps if scene.timed else 1.0)
     # a calibration already uses the size
     size = ball.radius_px if chosen is None and ball.sized else np.full(len(ball), np.nan)
+    if rolls:
+        # the air resists what rolls far less than what it rolls on
+        drag, drag_std = 0.0, 0.0
+        place, std = _turned_down(place, std)
     path = FlightFrames(time, place, std, size, ball.radius_std_px)
-    return fit_free_flight(path, FreeFlightPriors(drag, drag_std, growth))
+    flight = fit_free_flight(path, FreeFlightPriors(drag, drag_std, growth), whole=rolls)
+    if not rolls:
+        return flight
+    # unlike gravity, what slows a roll may change along its line as a slant of the camera does
+    square = fit_free_flight(path, FreeFlightPriors(drag, drag_std, 0.0), whole=True)
+    return replace(square, perspective=flight.perspective)
 
 
-_IN_FLIGHT = (QuantityName.FALL_ACCELERATION, QuantityName.FLIGHT_SPEED, QuantityName.FLIGHT_ANGLE)
+def _turned_down(place: FloatArray, std: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Places and their std (N, 2), turned so that the line of motion ends at the bottom."""
+    along = np.linalg.svd(place - place.mean(axis=0), full_matrices=False)[2][0]
+    along *= math.copysign(1.0, float((place[-1] - place[0]) @ along))
+    turn = np.array([[along[1], -along[0]], -along])
+    return place @ turn.T, np.sqrt(std**2 @ (turn.T**2))
+
+
+_IN_FLIGHT = (QuantityName.FALL_ACCELERATION, QuantityName.FLIGHT_SPEED)
+_IN_A_ROLL = (QuantityName.ROLL_ACCELERATION, QuantityName.ROLL_SPEED)
 
 
 def require_upright(tracks: Tracks) -> None:
@@ -1030,18 +1085,9 @@ def _falling(tracks: Tracks, scene: MotionScene) -> MotionResults:
     flight = flight_of(ball, scene)
     values, lines = flight.outcome, _Lines.of(flight, scene, ball)
     budgets = [lines.budget(index, scene) for index in range(3)]
-    found: dict[str, Quantity] = {}
     angle = _angle(float(values[2]), budgets[2], tracks.motion.kind)
-    found[angle.name] = angle
-    for index, name in enumerate(_IN_FLIGHT[:2]):
-        one = _in_units(name, float(values[index]), budgets[index], scene)
-        found[one.name] = one
-        if one.name != name.value:
-            reason = _no_scale(scene)
-            found[name.value] = Quantity.missing(
-                name.value, _KIND_UNITS[MotionKind.FLIGHT][name], reason
-            )
-    steady = _steady(flight, len(ball))
+    found = {angle.name: angle, **_along_the_path(_IN_FLIGHT, values, budgets, scene)}
+    steady = _steady(flight, len(ball), "in free fall")
     acceleration = found[QuantityName.FALL_ACCELERATION.value]
     gravity, by_gravity = _by_gravity(acceleration, scene)
     if steady.outcome is CheckOutcome.FAILED:
@@ -1071,6 +1117,38 @@ def _falling(tracks: Tracks, scene: MotionScene) -> MotionResults:
         found = apply_contradictions(found, [model_std])
     checks = [one for one in (steady, by_gravity, size) if one is not None]
     return MotionResults(found, tuple(checks), gravity)
+
+
+def _along_the_path(
+    names: tuple[QuantityName, QuantityName],
+    values: FloatArray,
+    budgets: list[tuple[Contribution, ...]],
+    scene: MotionScene,
+) -> dict[str, Quantity]:
+    """Acceleration and speed under these names, in pixels where no scale is known."""
+    found: dict[str, Quantity] = {}
+    for name, value, budget in zip(names, values.tolist(), budgets, strict=False):
+        one = _in_units(name, value, budget, scene)
+        found[one.name] = one
+        if one.name != name.value:
+            unit = QUANTITY_UNITS[name.value]
+            found[name.value] = Quantity.missing(name.value, unit, _no_scale(scene))
+    return found
+
+
+def _rolling(tracks: Tracks, scene: MotionScene) -> MotionResults:
+    """Acceleration along the line, positive where it speeds up, and speed at the first frame."""
+    ball = applicable(tracks)
+    roll = flight_of(ball, scene, rolls=True)
+    lines = _Lines.of(roll, scene, ball, rolls=True)
+    budgets = [lines.budget(index, scene) for index in range(2)]
+    found = _along_the_path(_IN_A_ROLL, roll.outcome, budgets, scene)
+    steady = _steady(roll, len(ball), "on one line at one acceleration", may_change=True)
+    if steady.outcome is CheckOutcome.FAILED:
+        everything = frozenset(QuantityName(name) for name in found)
+        doubt = Contradiction(everything, math.inf, True, steady.statement)
+        found = apply_contradictions(found, [doubt])
+    return MotionResults(found, (steady,))
 
 
 def _size(ball: Track, scene: MotionScene) -> Check | None:
@@ -1132,20 +1210,26 @@ class _Lines:
 
     flight: FreeFlight
     apart: tuple[tuple[UncertaintySource, FloatArray], ...]
+    rolls: bool = False
 
     @classmethod
-    def of(cls, flight: FreeFlight, scene: MotionScene, ball: Track) -> "_Lines":
-        moved = [(source, flight_of(ball, scene, to)) for source, to in scene.mapping_steps]
-        return cls(
-            flight, tuple((source, np.abs(o.outcome - flight.outcome)) for source, o in moved)
-        )
+    def of(
+        cls, flight: FreeFlight, scene: MotionScene, ball: Track, *, rolls: bool = False
+    ) -> "_Lines":
+        moved = [
+            (source, flight_of(ball, scene, to, rolls=rolls)) for source, to in scene.mapping_steps
+        ]
+        apart = tuple((source, np.abs(o.outcome - flight.outcome)) for source, o in moved)
+        return cls(flight, apart, rolls)
 
     def budget(self, index: int, scene: MotionScene) -> tuple[Contribution, ...]:
         flight = self.flight
         lines = [
             Contribution(UncertaintySource.TRACK_NOISE, float(flight.noise[index])),
             Contribution(UncertaintySource.CAMERA_SLANT, float(flight.perspective[index])),
-            Contribution(UncertaintySource.DRAG, float(flight.air[index])),
+            Contribution(UncertaintySource.ROLL_CHANGE, float(flight.change[index]))
+            if self.rolls
+            else Contribution(UncertaintySource.DRAG, float(flight.air[index])),
         ]
         powers = {0: (1.0, 2.0), 1: (1.0, 1.0), 2: (0.0, 0.0)}[index]
         if scene.scale is not None:
@@ -1159,8 +1243,10 @@ class _Lines:
         return tuple(sorted(kept, key=lambda line: -line.std))
 
 
-def _steady(flight: FreeFlight, frames: int) -> Check:
-    """Check that both halves fall equally: a carried, rolling or swinging object does not.
+def _steady(flight: FreeFlight, frames: int, motion: str, *, may_change: bool = False) -> Check:
+    """Check that both halves fall equally: a carried or swinging object does not.
+
+    The acceleration of what rolls may change, and the budget holds by how much.
 
     Any smooth path resembles a parabola for a while, so the run that does must be most of it.
     """
@@ -1175,14 +1261,14 @@ def _steady(flight: FreeFlight, frames: int) -> Check:
         return Check(
             CheckKind.STEADY_FALL,
             CheckOutcome.FAILED,
-            f"the tracked object is not in free fall: {100 * fraction:.0f} % of its frames fit one"
-            f" flight, median residual {100 * off_by:.1f} % of its length; {_OTHER_BALL}",
+            f"the tracked object is not {motion}: {100 * fraction:.0f} % of its frames fit one"
+            f" parabola, median residual {100 * off_by:.1f} % of its length; {_OTHER_BALL}",
         )
-    if flight.halves_difference > _STEADY_SIGMAS:
+    if flight.halves_difference > _STEADY_SIGMAS and not may_change:
         return Check(
             CheckKind.STEADY_FALL,
             CheckOutcome.FAILED,
-            f"the tracked object is not in free fall: {text}; {_OTHER_BALL}",
+            f"the tracked object is not {motion}: {text}; {_OTHER_BALL}",
         )
     outcome = CheckOutcome.PASSED if significant else CheckOutcome.UNDECIDED
     return Check(CheckKind.STEADY_FALL, outcome, text)
@@ -1212,7 +1298,7 @@ def _in_units(
     name: QuantityName, value: float, budget: tuple[Contribution, ...], scene: MotionScene
 ) -> Quantity:
     """In SI if scale and rate are known, else in pixels or frames under that name."""
-    squared = name is QuantityName.FALL_ACCELERATION
+    squared = name in (QuantityName.FALL_ACCELERATION, QuantityName.ROLL_ACCELERATION)
     if scene.metric and scene.timed:
         unit = "m/s^2" if squared else "m/s"
         return Quantity.measured(name.value, value, unit, budget)

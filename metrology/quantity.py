@@ -45,6 +45,7 @@ class UncertaintySource(StrEnum):
     SCALE = "scale of lengths"
     PERSPECTIVE = "depth of the motion's plane"
     DRAG = "drag of the air"
+    ROLL_CHANGE = "change of the acceleration along the line"
     CONTRADICTION = "contradiction between estimates"
 
     GRID_LINES = "grid lines"

@@ -136,7 +136,7 @@ _FALLS = {MotionKind.FLIGHT, MotionKind.DROP, MotionKind.BOUNCE}
 _MIN_MEASURED = 0.5
 """Probability of object and kind from which its quantities are given. Convention."""
 
-_UNMEASURED = (MotionKind.ROLL, MotionKind.SLIDE, MotionKind.CIRCLE, MotionKind.CARRIED)
+_UNMEASURED = (MotionKind.CIRCLE, MotionKind.CARRIED)
 """Kinds of motion that are recognised but of which no quantity is measured."""
 
 

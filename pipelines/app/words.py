@@ -432,6 +432,8 @@ _GERMAN_LABELS = {
     "flight_angle": "Winkel im ersten Bild des Flugs",
     "swing_period": "Schwingungsdauer",
     "swing_damping": "Dämpfung der Schwingung",
+    "roll_acceleration": "Beschleunigung entlang der Bahn",
+    "roll_speed": "Geschwindigkeit im ersten Bild des Rollens",
 }
 
 
@@ -475,6 +477,10 @@ _QUANTITY_HINTS = {
     "fall_acceleration": (
         "Downwards; 9.81 m/s² where rate and scale are right",
         "Nach unten; 9,81 m/s², wenn Bildrate und Maßstab stimmen",
+    ),
+    "roll_acceleration": (
+        "Along the line of motion, positive where it speeds up",
+        "Entlang der Bahn, positiv, wenn es schneller wird",
     ),
     "swing_period": ("Time of one swing to and fro", "Dauer einer Schwingung hin und her"),
     "swing_damping": (

@@ -213,6 +213,8 @@ _LABELS = {
     "other_speed_before": "speed before, of the other ball",
     "other_speed_after": "speed after, of the other ball",
     "cor_collision": "COR along the line of centres",
+    "roll_acceleration": "acceleration along the line",
+    "roll_speed": "speed at the first frame of the roll",
     "gravity_check": "free fall of the flight",
     "ball_speed_per_frame": "ball speed by displacement per frame (Fig. 18)",
     "ball_speed_eq7": "ball speed from the pendulum (Eq. 7)",

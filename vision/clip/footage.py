@@ -350,12 +350,16 @@ def _stored(frames: Iterable[_Picture], size: int) -> Sequence[_Picture] | None:
         return None
 
 
+_KEEPING_COST = 3.0
+"""Decodings of all colour pictures after which keeping them is worth its cost (chosen)."""
+
+
 class _Colours:
-    """Colour pictures of an action, decoded once, when the first is asked for."""
+    """Colour pictures of an action, kept once decoding them has cost as much as keeping them."""
 
     def __init__(self, clip: "ClipReader", first: int, count: int, pixels: int) -> None:
         self._clip, self._first, self._count = clip, first, count
-        self._size = 3 * count * pixels
+        self._size, self._decodings = 3 * count * pixels, 0.0
 
     @cached_property
     def _held(self) -> Sequence[NDArray[np.uint8]] | None:
@@ -369,11 +373,13 @@ class _Colours:
         """Yield the pictures (H, W, 3) of increasing rows of the action, blue first."""
         if len(rows) == 0:
             return
-        if self._held is not None:
+        start, stop = int(rows[0]), int(rows[-1]) + 1
+        if self._decodings >= _KEEPING_COST and self._held is not None:
             yield from ((row, self._held[row]) for row in rows.tolist())
             return
+        self._decodings += (stop - start) / self._count
         chosen = set(rows.tolist())
-        for row, image in self._decoded(int(rows[0]), int(rows[-1]) + 1):
+        for row, image in self._decoded(start, stop):
             if row in chosen:
                 yield row, image
 

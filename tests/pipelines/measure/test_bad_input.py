@@ -52,7 +52,8 @@ def test_what_goes_straight_on_is_no_swing_and_gives_no_number(
 ) -> None:
     found = measure_clip(written(painted(draw), tmp_path / "clip.mp4"))
     assert [item.name for item in found.quantities if item.known] == []
-    assert found.motion.measured_as is MotionKind.NONE or found.motion.probability < 0.5
+    even = (MotionKind.NONE, MotionKind.ROLL, MotionKind.SLIDE)
+    assert found.motion.measured_as in even or found.motion.probability < 0.5
     assert all(item.reason for item in found.quantities)
     assert not any("was struck" in said for said in found.warnings)
 
