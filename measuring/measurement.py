@@ -192,8 +192,8 @@ _HALF_PX = 0.5
 def tracks_as_frame(measured: ClipMeasurement) -> "pd.DataFrame":
     """All tracks, one row per object and frame; the columns are `TRACK_COLUMNS`.
 
-    `x_px` and `y_px` are the place in the frame. Of a hand-held camera `CAMERA_COLUMNS` follow,
-    which `steady_px` takes away; the metres are of the steady scene.
+    `x_px` and `y_px` are the place in the frame with its bars. Of a hand-held camera
+    `CAMERA_COLUMNS` follow, which `steady_px` takes away; the metres are of the steady scene.
 
     `x_m` is to the right along the wall, `y_m` up, unless axes were placed; `phi_rad` is 0 at the
     lowest point of the swing, positive towards the ball. Empty where no scale, or no angle, is
@@ -221,6 +221,7 @@ def tracks_as_frame(measured: ClipMeasurement) -> "pd.DataFrame":
         for axis, name in enumerate(CAMERA_COLUMNS):
             table[name] = shift[table["frame"].to_numpy(np.int64), axis]
             table[TRACK_COLUMNS[3 + axis]] += table[name]
+    table[["x_px", "y_px"]] += np.array(measured.info.bars[:2])
     return table
 
 

@@ -100,7 +100,7 @@ def external_of(measured: ClipMeasurement, path: Path, clip: Path | None) -> Ext
         path=path,
         program=Program.IMPACT_VISION,
         tracks=tracks,
-        size=(info.width, info.height),
+        size=info.whole_size,
         fps=measured.rate.fps * info.frames_per_picture,
         plane=plane,
         clip=named,

@@ -43,6 +43,7 @@ from av.stream import Disposition
 from numpy.typing import NDArray
 
 from metrology import ClipError
+from vision.clip.bars import Bars, TrimmedPictures, bar_note, find_bars
 from vision.clip.images import MOSAIC_NOTE, Animation, ImageFolder, is_animation
 from vision.clip.mosaic import Mosaic, mosaic_of
 from vision.clip.picture import (
@@ -707,11 +708,11 @@ def open_video(
     video = VideoFile(path)
     times = video.packets.times
     upright, turn_note = upright_of(video.first_picture, video.pixel_aspect)
-    height, width = video.first_picture.height, video.first_picture.width
+    size = (video.first_picture.height, video.first_picture.width)
+    pictures, bars, (height, width) = _without_bars(video, size, whole=whole)
     sides = (height, round(width * upright.stretch))
     shrink, size_note = (1, None) if whole else shrink_of(*sides[:: -1 if upright.swap else 1])
-    pictures: VideoFile | ReducedVideo = video
-    if _reducible(video, upright, fields, shrink):
+    if pictures is video and _reducible(video, upright, fields, shrink):
         pictures = ReducedVideo(video, shrink)
         fields, height, width = "progressive", height // shrink, width // shrink
     else:
@@ -755,6 +756,7 @@ def open_video(
         warnings=tuple(_file_warnings(video) + notes),
         times_shown=shown,
         first_shown=source.shift if isinstance(source, DistinctPictures) else Fraction(0),
+        bars=bars.around(size, upright),
     )
     return source, info, upright
 
@@ -772,8 +774,19 @@ def _reducible(video: VideoFile, upright: Upright, fields: Fields, shrink: int) 
     return shrink > 1 and whole and even and upright.stretch == 1.0
 
 
+def _without_bars(
+    source: VideoFile | _Images, size: tuple[int, int], *, whole: bool
+) -> tuple["_Source", Bars, tuple[int, int]]:
+    """The source without bars, the bars, and height and width of its pictures."""
+    bars = Bars() if whole else find_bars(source)
+    if bars == Bars():
+        return source, bars, size
+    within = size[0] - bars.top - bars.bottom, size[1] - bars.left - bars.right
+    return TrimmedPictures(source, bars), bars, within
+
+
 def _distinct(
-    source: "VideoFile | ReducedVideo | _Images", height: int, width: int
+    source: "_Source", height: int, width: int
 ) -> tuple["_Source", CombingDetector, list[str]]:
     """The source without repeats, the combing of its pictures, and notes."""
     repeats = RepeatDetector()
@@ -872,23 +885,31 @@ def _file_warnings(video: VideoFile) -> list[str]:
     return notes
 
 
-def _without_repeats(folder: _Images) -> tuple[_Images | DistinctPictures, ClipInfo]:
-    source, _, notes = _distinct(folder, folder.info.height, folder.info.width)
-    if not isinstance(source, DistinctPictures):
-        return folder, folder.info
+def _opened_images(images: _Images, *, whole: bool) -> "ClipReader":
+    """A clip of images without bars and repeats."""
+    trimmed, bars, (height, width) = _without_bars(images, images.size, whole=whole)
+    source, _, notes = _distinct(trimmed, height, width)
     info = replace(
-        folder.info,
+        images.info,
+        width=width // images.upright.shrink,
+        height=height // images.upright.shrink,
+        bars=bars.around(images.size, images.upright),
+        warnings=(*images.info.warnings, *notes),
+    )
+    if not isinstance(source, DistinctPictures):
+        return ClipReader(source, info, images.upright)
+    info = replace(
+        info,
         frames=len(source.times_s),
-        container_fps=folder.info.container_fps / float(source.times),
+        container_fps=info.container_fps / float(source.times),
         duration_s=float(source.times_s[-1]),
         times_shown=source.times,
         first_shown=source.shift,
-        warnings=(*folder.info.warnings, *notes),
     )
-    return source, info
+    return ClipReader(source, info, images.upright)
 
 
-_Source = VideoFile | ReducedVideo | _Images | DistinctPictures
+_Source = VideoFile | ReducedVideo | TrimmedPictures | _Images | DistinctPictures
 
 
 class _Picture(Protocol):
@@ -957,8 +978,7 @@ class ClipReader:
         if not os.path.exists(place):
             raise missing(place)
         if place.is_dir():
-            folder = ImageFolder(place, whole=whole)
-            clip = cls(*_without_repeats(folder), folder.upright)
+            clip = _opened_images(ImageFolder(place, whole=whole), whole=whole)
         else:
             if not place.is_file():
                 raise ClipError(
@@ -971,8 +991,7 @@ class ClipReader:
                     hint="It has 0 bytes. Copy it from the camera again.",
                 )
             if is_animation(place):
-                animation = Animation(place, whole=whole)
-                clip = cls(*_without_repeats(animation), animation.upright)
+                clip = _opened_images(Animation(place, whole=whole), whole=whole)
             else:
                 clip = cls(*open_video(place, fields, whole=whole))
         if every > 1:
@@ -990,7 +1009,7 @@ class ClipReader:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about the file, including damage found while decoding so far."""
-        return self.info.warnings + self._damage
+        return bar_note(self.info) + self.info.warnings + self._damage
 
     def capture_times(self, capture_fps: float) -> FloatArray:
         """Times of all frames on the camera's clock.

@@ -122,7 +122,7 @@ class ImageFolder:
         self._times, said = _times_of_names([path.name for path in self._paths])
         first = ImageFrame(0, self._paths[0], None).stored()
         self._mosaic = mosaic_of(first)
-        self._shape = (int(first.shape[0]), int(first.shape[1]))
+        self.size = (int(first.shape[0]), int(first.shape[1]))
         codec = self._paths[0].suffix.lower().lstrip(".")
         notes = (aside, said, None if self._mosaic is None else MOSAIC_NOTE)
         self.upright, self.info = _described(
@@ -138,7 +138,7 @@ class ImageFolder:
         """Yield the images in order."""
         for index, path in enumerate(self._paths):
             time = float(self._times[index])
-            yield ImageFrame(index, path, self._shape, time, self._mosaic)
+            yield ImageFrame(index, path, self.size, time, self._mosaic)
 
     def _digest(self) -> str:
         digest = hashlib.sha256()
@@ -277,6 +277,7 @@ class Animation:
         self._mosaic: Mosaic | None = None
         first = next(self.pictures()).stored
         self._mosaic = mosaic_of(first)
+        self.size = (int(first.shape[0]), int(first.shape[1]))
         with _opened(path) as image:
             count = int(getattr(image, "n_frames", 1))
         self._times = np.arange(count, dtype=np.float64)

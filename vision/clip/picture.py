@@ -120,6 +120,13 @@ class ClipInfo:
     times_shown: Fraction = Fraction(1)
     first_shown: Fraction = Fraction(0)
     every: int = 1
+    bars: tuple[int, int, int, int] = (0, 0, 0, 0)
+
+    @property
+    def whole_size(self) -> tuple[int, int]:
+        """Width and height of the frames with bars, px."""
+        left, top, right, bottom = self.bars
+        return self.width + left + right, self.height + top + bottom
 
     @property
     def frames_per_picture(self) -> float:

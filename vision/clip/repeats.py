@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["DistinctPictures", "RepeatDetector", "Repeats"]
+__all__ = ["DistinctPictures", "PictureSource", "RepeatDetector", "Repeats"]
 
 FloatImage = NDArray[np.float32]
 
@@ -163,11 +163,15 @@ def _agrees(moving: NDArray[np.bool_], changed: NDArray[np.float64], repeats: Re
     return int(large[begins].sum()) >= _MIN_AGREEING_FRACTION * int((large & moving).sum())
 
 
-class _Source(Protocol):
-    @property
-    def times_s(self) -> NDArray[np.float64]: ...
+class PictureSource(Protocol):
+    """Pictures in order, and their times."""
 
-    def pictures(self) -> Iterator[Any]: ...
+    @property
+    def times_s(self) -> NDArray[np.float64]:
+        """Time of every picture, s."""
+
+    def pictures(self) -> Iterator[Any]:
+        """Yield the pictures."""
 
 
 @dataclass(frozen=True)
@@ -197,7 +201,7 @@ class DistinctPictures:
     repeats : Repeats
     """
 
-    def __init__(self, source: _Source, repeats: Repeats) -> None:
+    def __init__(self, source: PictureSource, repeats: Repeats) -> None:
         self._source = source
         self._repeats = repeats
 

@@ -94,6 +94,10 @@ def test_places_of_a_hand_held_camera_are_those_in_the_frame(tmp_path: Path) -> 
     (ball, *_) = read_tracks(tmp_path / "tracks.csv").tracks
     np.testing.assert_allclose(ball.px, still.ball.centre_px)
     np.testing.assert_allclose(steady_px(rows), plain[["x_px", "y_px"]].to_numpy())
+    # of a picture between bars, they count from the file's corner
+    within = tracks_as_frame(replace(one, info=replace(info, bars=(40, 18, 30, 0))))
+    off = within[["x_px", "y_px"]].to_numpy() - plain[["x_px", "y_px"]].to_numpy()
+    np.testing.assert_allclose(off, np.tile([40.0, 18.0], (len(plain), 1)))
 
 
 def test_numbers_of_a_kind_of_motion_in_doubt_come_with_a_proviso() -> None:
