@@ -22,7 +22,10 @@ Pictures sorted pixel by pixel: a network of minima and maxima over whole pictur
 """
 
 import copy
-from collections.abc import Iterator, Sequence
+import itertools
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -1162,9 +1165,31 @@ _LEVELS = 100.0
 _DARKEST_SCENE = 4.0
 """Gray levels: darker parts of a scene tell no ratio."""
 
-_FRAMES_LIT, _LIGHTS, _MOST_LIT = 24, 96, 6.4e7
-"""Frames whose lit scene is kept, and those whose light is, a byte a pixel at most: those about a
-strike are looked at again and again; and bytes that the lit scenes take at most, supposed."""
+_LIGHTS, _MAX_LIT_BYTES = 96, 64_000_000
+"""Frames whose light is kept, a byte a pixel at most: those about a strike are looked at again and
+again; and bytes of scenes lit by it, of all backdrops together (chosen)."""
+
+
+class _LitScenes:
+    """Scenes in the light of frames, those used last."""
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[tuple[int, int], FloatImage] = OrderedDict()
+        self._using = threading.Lock()
+
+    def of(self, key: tuple[int, int], make: Callable[[], FloatImage]) -> FloatImage:
+        """The one of a backdrop and a frame, made unless it is kept."""
+        with self._using:
+            known = self._kept.pop(key, None)
+        lit = make() if known is None else known
+        with self._using:
+            self._kept[key] = lit
+            while len(self._kept) > max(1, _MAX_LIT_BYTES // lit.nbytes):
+                self._kept.popitem(last=False)
+        return lit
+
+
+_LIT_SCENES, _BACKDROPS = _LitScenes(), itertools.count()
 
 
 class Backdrop:
@@ -1186,16 +1211,15 @@ class Backdrop:
         self, scene: FilmedScene, image: FloatImage, radius: float, *, relit: bool = False
     ) -> None:
         self._scene, self._image, self._radius, self.relit = scene, image, radius, relit
-        kept = int(np.clip(_MOST_LIT / image.nbytes, 1, _FRAMES_LIT))
-        self._lit = lru_cache(kept)(self._in_its_light)
+        self._number = next(_BACKDROPS)
         self._light = lru_cache(_LIGHTS)(self._light_in)
 
     def in_frame(self, index: int) -> FloatImage:
         """What lies behind in a frame, in reference brightness (H, W)."""
-        return self._lit(index) if self.relit else self._image
-
-    def _in_its_light(self, index: int) -> FloatImage:
-        return _lit_by(self._light(index), self._image)
+        if not self.relit:
+            return self._image
+        key = self._number, index
+        return _LIT_SCENES.of(key, lambda: _lit_by(self._light(index), self._image))
 
     def _light_in(self, index: int) -> NDArray[np.uint8]:
         even = self._scene.picture(index) / np.float32(self._scene.views[index].gain)

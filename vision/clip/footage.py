@@ -425,8 +425,8 @@ class Footage:
         Motion time (`MotionClock`), ticks.
     sample_index : (n,) int array
         Frames held as the sample.
-    sample_frames : list of (H, W) arrays
-        Those frames.
+    shape : (2,) tuple of int
+        Height and width, px.
     full_scale : float
         Gray level of white: 255, or 65535 for clips of more than 8 bit.
     """
@@ -473,14 +473,16 @@ class Footage:
         self.clock = np.array(gathered.clock)[np.maximum.accumulate(self._row)]
         rows = sorted(gathered.sample)
         self.sample_index = self.shown[rows]
-        self.sample_frames = [gathered.sample[row] for row in rows]
-        self.full_scale = 255.0 if self.sample_frames[0].dtype == np.uint8 else 65535.0
-        pixels = self.sample_frames[0].size
-        self._colours = _Colours(clip, self.first, len(self.shown), pixels)
+        self._sample, one = gathered.sample, gathered.sample[rows[0]]
+        self.shape = int(one.shape[0]), int(one.shape[1])
+        self.full_scale, self._frame_bytes = 255.0 if one.dtype == np.uint8 else 65535.0, one.nbytes
+        self._colours = _Colours(clip, self.first, len(self.shown), one.size)
         if self._held is None:
-            size = len(self.shown) * self.sample_frames[0].nbytes
+            size = len(self.shown) * one.nbytes
             pictures = (picture for _, picture in self._decoded(0, len(self.shown)))
             self._held = _stored(pictures, size)
+        if self._held is not None:
+            self._sample = {}
 
     def tinted(self, blueness: float, redness: float) -> "Footage":
         """The same frames as a colour-difference picture instead of gray.
@@ -501,21 +503,11 @@ class Footage:
         red = 0.5 * (np.array([0.0, 0.0, 1.0]) - luma) / (1.0 - luma[2])
         other._tint = np.array([[*(blueness * blue + redness * red), _NEUTRAL_LEVEL]])
         other._block, other._held, other.full_scale = {}, None, 255.0
-        sample: dict[int, GrayFrame] = {}
-        wanted = set(self._row[self.sample_index].tolist())
-
-        def sampled() -> Iterator[GrayFrame]:
-            for row, picture in other._decoded(0, len(self.shown)):
-                if row in wanted:
-                    sample[row] = picture
-                yield picture
-
-        pictures = sampled()
+        height, width = self.shape
+        other._frame_bytes = height * width
         if self._held is not None:
-            height, width = self.shape
+            pictures = (picture for _, picture in other._decoded(0, len(self.shown)))
             other._held = _stored(pictures, len(self.shown) * height * width)
-        deque(pictures, maxlen=0)  # consumes the rest, for the sample
-        other.sample_frames = [sample[row] for row in self._row[self.sample_index].tolist()]
         return other
 
     def coloured(self, wanted: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.uint8]]]:
@@ -558,12 +550,6 @@ class Footage:
         ends = self.shown[np.clip(rows, 0, len(self.shown) - 1)]
         return float(self.clock[ends[1]] - self.clock[ends[0]])
 
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Height and width, px."""
-        height, width = self.sample_frames[0].shape
-        return int(height), int(width)
-
     def frames(self, wanted: NDArray[np.int64]) -> Iterator[tuple[int, GrayFrame]]:
         """Yield the requested frames that the file holds, in time order.
 
@@ -601,10 +587,8 @@ class Footage:
 
     def spread_sample(self, count: int) -> list[GrayFrame]:
         """At most `count` frames of the sample, spread as in `spread`, in time order."""
-        return [
-            self.sample_frames[int(place)]
-            for place in np.searchsorted(self.sample_index, self.spread_index(count))
-        ]
+        held = self._sample if self._held is None else self._held
+        return [held[row] for row in self._row[self.spread_index(count)].tolist()]
 
     def spread_index(self, count: int) -> NDArray[np.int64]:
         """Indices of the frames of `spread_sample`."""
@@ -619,7 +603,7 @@ class Footage:
         return np.asarray(np.unique(frames[np.searchsorted(along, marks)]))
 
     def _block_length(self) -> int:
-        return max(8, _DECODE_BLOCK_BYTES // self.sample_frames[0].nbytes)
+        return max(8, _DECODE_BLOCK_BYTES // self._frame_bytes)
 
     def _from_block(self, rows: NDArray[np.int64]) -> Iterator[tuple[int, GrayFrame]]:
         """Neighbouring pictures, decoded together with those around them."""
