@@ -37,8 +37,8 @@ __all__ = [
 ]
 
 BETWEEN_POWERS = frozenset({Form.UNDER_LOAD, Form.STRIBECK, Form.TWO_THIRDS, Form.THREE_HALVES})
-"""Forms that free swings can't tell from sums of the zeroth, first and second power of the rate,
-which have names of their own there."""
+"""Forms that in free swings equal sums of the zeroth, first and second power of the rate, which
+have names of their own there."""
 
 AT_TURNS = frozenset({Form.GIVING, Form.FALLING, Form.GIVING_FALLING})
 """Forms that differ from others of their law where the motion turns back, as free swings do."""
@@ -92,22 +92,22 @@ class Candidate:
 
     @property
     def key(self) -> Effect:
-        """What tells one law from another: everything but where its parameters may lie."""
+        """What distinguishes one law from another: everything but where its parameters may lie."""
         return replace(self.effect, parameters=())
 
     @property
     def complexity_penalty(self) -> float:
-        """What the law's freedom costs: places looked at for each shape, strengths beyond one.
+        """What the law's freedom costs: places tried for each shape, strengths beyond one.
 
         A law in no catalogue also pays for being rare.
         """
         strengths = max(sum(not p.is_held for p in self.effect.strengths), 1)
-        looks = sum(max(1.5, 2.0 * np.log(len(p.grid)) - 1.5) for p in self.effect.shapes)
+        search = sum(max(1.5, 2.0 * np.log(len(p.grid)) - 1.5) for p in self.effect.shapes)
         if self.effect.level is not Level.CAMPAIGN:
             # What own values cost stands in the evidence; each scatter was chosen among many.
             strengths += strengths
-        looks += getattr(self.effect, "looks", 0.0)
-        return float(2.0 * (strengths - 1) + looks + self.rarity)
+        search += getattr(self.effect, "search_cost", 0.0)
+        return float(2.0 * (strengths - 1) + search + self.rarity)
 
     @property
     def rarity(self) -> float:
@@ -240,7 +240,7 @@ def _at_every_shape(fitted: Effect, forward: Forward) -> list[Candidate]:
 
 
 def _levels(effect: Effect, forward: Forward) -> list[Level]:
-    """Levels at which a campaign can tell an effect's strengths.
+    """Levels at which a campaign determines an effect's strengths.
 
     A strike repeats what it gives the ball, and free swings of one session are of one apparatus:
     only throws differ from trial to trial.
@@ -271,7 +271,7 @@ Result = TypeVar("Result")
 
 PATIENCE = 60.0
 
-"""s that one effect may take for a single look at a campaign, which takes about one."""
+"""s that one effect may take for a single prediction of a campaign, which takes about one."""
 
 UNCATALOGUED_ID = "unnamed"
 
@@ -324,21 +324,21 @@ def _refuse(effect: Effect, why: str, help_: str) -> None:
 
 
 def within_patience(
-    effect: Effect, look: Callable[[], Result], seconds: float = PATIENCE
+    effect: Effect, work: Callable[[], Result], seconds: float = PATIENCE
 ) -> Result:
-    """Result of a look at an effect that may never end.
+    """Result of work with an effect that may never end.
 
     Raises
     ------
     UsageError
-        If it takes longer than `seconds`; the look is left to itself.
+        If it takes longer than `seconds`; the work is left to itself.
     """
     found: list[Result] = []
     raised: list[Exception | SystemExit] = []
 
     def run() -> None:
         try:
-            found.append(look())
+            found.append(work())
         except (Exception, SystemExit) as problem:  # handed on to who asked
             raised.append(problem)
 

@@ -95,7 +95,7 @@ MAX_SHAPE_STD = 3.0
 determined: the scale is about what the records span. Chosen; insensitive between two and ten."""
 
 MIN_ROWS = 12
-"""Samples: fewer can't tell one effect from noise, whose size they must tell as well."""
+"""Samples: fewer can't distinguish an effect from noise, whose size they must determine too."""
 
 
 @dataclass(frozen=True)
@@ -193,8 +193,8 @@ def explain_in_full(
     naming = tested.naming
     verdict = _verdict(campaign, prepared, tested)
     forms = _form_notes(naming.best) if verdict.effects else ()
-    told = (*_open_notes(prepared, naming.best), *forms, *_aside_notes(naming))
-    verdict = replace(verdict, notes=(*verdict.notes, *told))
+    notes = (*_open_notes(prepared, naming.best), *forms, *_aside_notes(naming))
+    verdict = replace(verdict, notes=(*verdict.notes, *notes))
     names = tuple(trial.name for trial in campaign.trials)
     return ExplainedCampaign(verdict, prepared, naming, names, tested.evidence, considered)
 
@@ -266,10 +266,10 @@ def _searched_as_stated(
         return _searched_as_stated(settings, effects, most)
     wandering = _among_wandering_errors(prepared, found)
     if wandering is not None:
-        told = name_effects(wandering.forward, wandering.fit, effects, most=most)
-        if told.best is None:
+        anew = name_effects(wandering.forward, wandering.fit, effects, most=most)
+        if anew.best is None:
             return prepared, replace(found, best=None)
-        prepared, found = wandering, told
+        prepared, found = wandering, anew
     named = INSTRUMENTS.intersection(() if found.best is None else found.best.ids)
     if named:
         # What is to be proved is held against a baseline that has it not.
@@ -277,13 +277,13 @@ def _searched_as_stated(
     assumed = prepared.forward.baseline.assumed
     if found.best is None and _surely_off(prepared.fit, assumed):
         held = replace(prepared, fit=_with_held(prepared, assumed))
-        told = name_effects(held.forward, held.fit, effects, most=most)
-        return (prepared, found) if told.best is None else (held, told)
+        anew = name_effects(held.forward, held.fit, effects, most=most)
+        return (prepared, found) if anew.best is None else (held, anew)
     return prepared, found
 
 
 def _beside(prepared: Prepared, best: Hypothesis) -> Fit:
-    """The fit whose remainder tells the noise: the answer's, or the baseline's.
+    """The fit whose remainder gives the noise: the answer's, or the baseline's.
 
     A curve, or a law with a value in each trial, takes slow noise up itself.
     """
@@ -401,12 +401,12 @@ def _open_notes(prepared: Prepared, best: Hypothesis | None) -> tuple[str, ...]:
         unit = "" if p.unit == "1" else f" {p.unit}"
         number = f"{p.name} = {value:.2g} ± {std:.1g}{unit}"
         if identity == EffectId.DRAG:
-            told = f"the setup gives no drag coefficient, so it was fitted as well: {number}"
+            note = f"the setup gives no drag coefficient, so it was fitted as well: {number}"
             if value + SURELY * std < least:
-                told += (
+                note += (
                     f"; bodies have {least:g} or more, so mass, diameter or air may be another's"
                 )
-            found.append(told)
+            found.append(note)
         elif identity == USUAL_INPUTS:
             if abs(value) > NOTEWORTHY * std:
                 found.append(
@@ -454,13 +454,13 @@ def _refuse_failing(prepared: Prepared, effect: Effect) -> None:
     """Try a user's effect by itself, so that its own error is reported as its own."""
     refuse_unusable(effect)
 
-    def look() -> FloatArray:
+    def predict_once() -> FloatArray:
         pool = candidates_for(prepared.forward, prepared.model, [effect], unnamed=False)
         scan(prepared.forward, prepared.fit, pool)
         return _with_small_steps(prepared, pool)
 
     try:
-        seen = within_patience(effect, look)
+        seen = within_patience(effect, predict_once)
     except UsageError:
         raise
     except Exception as problem:  # anything may be wrong in a file that a user wrote
@@ -501,7 +501,7 @@ def _require_enough(campaign: CampaignRecords) -> None:
     rows = sum(trial.samples for trial in campaign.trials)
     if rows < MIN_ROWS:
         raise TooLittleDataError(
-            f"{rows} samples in {len(campaign.trials)} trials are too little to tell anything",
+            f"{rows} samples in {len(campaign.trials)} trials are too little to determine anything",
             hint=f"At least {MIN_ROWS} samples are needed, better two trials of thirty each.",
         )
 
@@ -639,8 +639,8 @@ def _verdict(campaign: CampaignRecords, prepared: Prepared, tested: _Tested) -> 
     if kind == "explained" and any(effect.probability < 0.5 for effect in effects):
         # Less likely than not is no finding.
         kind = "ambiguous"
-        told = f"{remainder.statement} {_WHY[kind]}: {Doubt.UNLIKELY.value}."
-        remainder = replace(remainder, statement=told)
+        statement = f"{remainder.statement} {_WHY[kind]}: {Doubt.UNLIKELY.value}."
+        remainder = replace(remainder, statement=statement)
     floating = _floating_notes(forward)
     repeats = repeats_of(forward, base if best is None else best.fit)
     lacks = repeats is not None and repeats.lacks
@@ -701,9 +701,9 @@ def _groups(best: Hypothesis | None, rivals: Sequence[Hypothesis]) -> tuple[tupl
         theirs = [one for one in rival.ids if one not in best.ids]
         # One law may stand for two, and two for one.
         size = max(len(left), len(theirs))
-        ways = [list(zip(_filled(left, size), _filled(order, size), strict=True))
+        pairings = [list(zip(_filled(left, size), _filled(order, size), strict=True))
                 for order in permutations(theirs)]  # fmt: skip
-        for mine, other in min(ways, key=apart):
+        for mine, other in min(pairings, key=apart):
             group = groups[best.ids.index(mine)]
             if other not in group:
                 group.append(other)
@@ -880,7 +880,7 @@ def _alternatives(naming: Naming, passed: Passed) -> tuple[Alternative, ...]:
         if not h.allowed:
             why = "its parameters leave what nature allows"
         elif h in rivals:
-            why = "not excluded: the data can't tell it apart"
+            why = "not excluded: the data cannot distinguish it"
         elif len(h.members) > len(best.members) and behind < 60.0:
             why = "the further effect explains no more than chance or an imperfect law would"
         elif best.gain > h.gain:

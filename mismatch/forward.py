@@ -260,7 +260,7 @@ class Forward:
     steps : int
         Steps of the flight.
     centre : (3,) tuple of float
-        Middle of the balls' ways (x, y) and half their width, m.
+        Middle of the balls' paths (x, y) and half their width, m.
     pace : float
         Natural frequency about which the records of a free swing lie, over the setup's. A clock
         that is off and a rig of another inertia change a free swing's period alike, so that the
@@ -557,7 +557,7 @@ class Forward:
         )
 
     def _steps(self, terms: Sequence[BatchTerm], most: int, share: int = 2) -> int:
-        """A part of the steps where every law is smooth on the scale of the whole way."""
+        """A part of the steps where every law is smooth on the scale of the whole path."""
         smooth = self.mode != "swing" and not any(t.effect.sharp for t in terms)
         return most // share if smooth else most
 
@@ -593,8 +593,8 @@ class Forward:
         rows = both.any(axis=-1)
         step = np.where(both, np.diff(records.position, axis=1), 0.0)
         if coordinate is Coordinate.DIRECTION:
-            ways = np.arctan2(step[..., 1], np.hypot(step[..., 0], step[..., 2]))[rows]
-            low, high = np.quantile(ways, [0.05, 0.95]) if ways.size else (0.0, 1.0)
+            slopes = np.arctan2(step[..., 1], np.hypot(step[..., 0], step[..., 2]))[rows]
+            low, high = np.quantile(slopes, [0.05, 0.95]) if slopes.size else (0.0, 1.0)
             return float(low), float(high)
         size = np.sqrt(np.square(step).sum(axis=-1))[rows]
         speed = size / np.diff(records.ball_time, axis=1)[rows]

@@ -283,10 +283,6 @@ class CampaignRecords:
             if any(np.isfinite(trial.position[:, axis]).any() for trial in self.trials)
         )
 
-    def only(self, names: frozenset[str]) -> "CampaignRecords":
-        """Campaign with the named trials alone."""
-        return CampaignRecords(tuple(t for t in self.trials if t.name in names), self.notes)
-
 
 @dataclass(frozen=True)
 class Records:
@@ -409,7 +405,7 @@ class Records:
     def weighed(self, differences: FloatArray) -> FloatArray:
         """Differences (..., T, 3S + P) from the record in units of their noise, white.
 
-        A clock that is off moves all coordinates of a row together, along the ball's way; slow
+        A clock that is off moves all coordinates of a row together, along the ball's path; slow
         errors move all rows of a coordinate together.
         """
         scaled = np.asarray(differences * self.weights)
@@ -426,15 +422,15 @@ class Records:
     def _along_the_way(
         self, scaled: FloatArray, factor: Callable[[FloatArray], FloatArray]
     ) -> FloatArray:
-        """Rows with the part along the ball's way multiplied by a function of (jitter/noise)²."""
+        """Rows with the part along the ball's path multiplied by a function of (jitter/noise)²."""
         if not self.jitter.size:
             return scaled
         s = self.ball_time.shape[1]
         ball = scaled[..., : 3 * s].reshape(*scaled.shape[:-1], 3, s)
-        way = np.moveaxis(np.where(self.ball_used, self.jitter, 0.0), -1, 1)
-        size = np.square(way).sum(axis=1)
+        along = np.moveaxis(np.where(self.ball_used, self.jitter, 0.0), -1, 1)
+        size = np.square(along).sum(axis=1)
         share = (factor(size) - 1.0) / np.maximum(size, 1e-30)
-        moved = ball + way * ((ball * way).sum(axis=-2) * share)[..., None, :]
+        moved = ball + along * ((ball * along).sum(axis=-2) * share)[..., None, :]
         return np.concatenate(
             [moved.reshape(*scaled.shape[:-1], 3 * s), scaled[..., 3 * s :]], axis=-1
         )
@@ -477,14 +473,16 @@ class Records:
         ball = self.ball_used.sum(axis=(0, 1)) / self.inflation[:3]
         total = float(ball.sum() + self.pendulum_used.sum() / self.inflation[3])
         if self.jitter.size:
-            way = np.square(np.where(self.ball_used, self.jitter, 0.0))
-            size = way.sum(axis=-1)
-            total += float(((size - (way / self.inflation[:3]).sum(axis=-1)) / (1.0 + size)).sum())
+            along = np.square(np.where(self.ball_used, self.jitter, 0.0))
+            size = along.sum(axis=-1)
+            total += float(
+                ((size - (along / self.inflation[:3]).sum(axis=-1)) / (1.0 + size)).sum()
+            )
         return total
 
     @property
     def tell_memory(self) -> bool:
-        """Whether any flight is long enough to tell the memory of its noise by itself."""
+        """Whether any flight is long enough to determine the memory of its noise."""
         return bool(self.ball_used.any(axis=2).sum(axis=1).max(initial=0) >= MIN_SAMPLES)
 
     def keeping(self, kept: NDArray[np.bool_]) -> "Records":
@@ -610,11 +608,11 @@ class _Sessions(TypedDict, total=False):
 
 def _sessions(trials: Sequence[Trial]) -> _Sessions:
     """Sessions in the order of their first trials; trials of none belong to one without a name."""
-    told = [trial.session or "" for trial in trials]
-    names = tuple(dict.fromkeys(told))
+    sessions = [trial.session or "" for trial in trials]
+    names = tuple(dict.fromkeys(sessions))
     if names == ("",):
         return {}
-    index = np.array([names.index(one) for one in told], dtype=np.int64)
+    index = np.array([names.index(one) for one in sessions], dtype=np.int64)
     return {"session_index": index, "session_names": names}
 
 
@@ -771,7 +769,7 @@ class SpectrumFit:
 
     @property
     def holds(self) -> bool:
-        """Whether the most probable shape tells the powers at every pace.
+        """Whether the most probable shape fits the powers at every pace.
 
         What a motion leaves over falls off faster than any noise with a memory, or peaks.
         """
@@ -808,7 +806,7 @@ def fit_spectrum(
     Returns
     -------
     SpectrumFit or None
-        None if there is too little to tell.
+        None if the pieces are too few or too short.
     """
     powers, whites, slows, sizes, paces = [], [], [], [], []
     for time, value in pieces:
@@ -853,7 +851,7 @@ def fit_spectrum(
 def shared_deviance(fits: list[SpectrumFit]) -> FloatArray | None:
     """Deviance of one shape for several channels; None where they clearly have shapes of their own.
 
-    One tracker saw them all, so one memory is likely, and their records together tell it better.
+    One tracker saw them all, so one memory is likely, and their records determine it together.
     """
     if len(fits) < 2:
         return None
@@ -917,7 +915,7 @@ bends: noise with a memory of a few rows raises it less."""
 
 UNKNOWN_SIGMA = 1e-3
 
-"""m or rad, where too few rows are left to tell."""
+"""m or rad, where too few rows are left to estimate it."""
 
 
 @dataclass(frozen=True)
@@ -1132,7 +1130,7 @@ def estimate_noise(
         remembers as many rows as the polynomial follows.
     throughout : bool
         Whether a memory must hold over whole stretches, and in every channel: where nothing but
-        the record itself tells a motion, what bends one channel or a part is no noise.
+        the record itself determines a motion, what bends one channel or a part is no noise.
 
     Returns
     -------
@@ -1166,7 +1164,7 @@ def estimate_noise(
     shared = shared_deviance(list(fits.values())) if remembers else None
     found = {c: one.chosen(LIKELY if remembers else SIGNIFICANT, shared) for c, one in fits.items()}
     if still and found and all(one.share > 0.0 for one in found.values()):
-        # Of a channel that something bends the others tell the memory.
+        # The memory of a channel that something bends is taken from the others.
         seen = np.flatnonzero(np.isfinite(sigma).all(axis=0))
         found = dict.fromkeys(seen.tolist(), _alike(list(found.values()))) | found
     for channel, spectrum in found.items():
@@ -1194,7 +1192,7 @@ MIN_PACES = 20.0
 def with_clock_jitter(noise: Noise, left: Records, velocity: FloatArray) -> Noise:
     """The noise with what a clock that jitters has of it distinguished from that of places.
 
-    A wrong time moves a ball along its way, the more the faster it is, and all its coordinates
+    A wrong time moves a ball along its path, the more the faster it is, and all its coordinates
     together. Second differences show it: what a model leaves over bends far less.
 
     Parameters
@@ -1208,27 +1206,27 @@ def with_clock_jitter(noise: Noise, left: Records, velocity: FloatArray) -> Nois
     """
     if np.any(noise.inflation > 1.0):
         return noise
-    shown, ways = _second_differences(noise, left, velocity)
+    shown, along_path = _second_differences(noise, left, velocity)
     axes = np.isfinite(shown).any(axis=0)
-    shown, ways = shown[:, axes], ways[:, axes]
+    shown, along_path = shown[:, axes], along_path[:, axes]
     if not axes.any() or shown.shape[0] < MIN_PACES:
         return noise
 
     def deviance(logs: FloatArray) -> float:
         variance, clock = np.exp(2.0 * logs[:-1]), np.exp(2.0 * logs[-1])
-        together = 1.0 + clock * (np.square(ways) / variance).sum(axis=1)
-        along = (shown * ways / variance).sum(axis=1)
+        together = 1.0 + clock * (np.square(along_path) / variance).sum(axis=1)
+        along = (shown * along_path / variance).sum(axis=1)
         misfit = (np.square(shown) / variance).sum(axis=1) - clock * np.square(along) / together
         return float((misfit + np.log(together)).sum() + shown.shape[0] * np.log(variance).sum())
 
     plain = 0.5 * np.log(np.square(shown).mean(axis=0))
-    tried = -0.5 * np.log(np.square(ways).sum(axis=1).mean())
+    tried = -0.5 * np.log(np.square(along_path).sum(axis=1).mean())
     none = deviance(np.append(plain, tried - 20.0))
     found = minimize(deviance, np.append(plain - 0.3, tried), method="Nelder-Mead",
                      options={"xatol": 1e-3, "fatol": 1e-2, "maxfev": 600})  # fmt: skip
     if none - float(found.fun) < SIGNIFICANT * OVERLAP:
         return noise
-    # Second differences tell how noise is shared out, but see less of what is slower than they are.
+    # Second differences show how noise is shared out, but see less of what is slower than they are.
     size = max(1.0, float(np.square(shown).mean()) ** -0.5)
     sigma = noise.sigma.copy()
     sigma[:, np.flatnonzero(axes)] *= size * np.exp(found.x[:-1])
@@ -1238,7 +1236,7 @@ def with_clock_jitter(noise: Noise, left: Records, velocity: FloatArray) -> Nois
 def slow_noise(residual: FloatArray, records: Records) -> FloatArray:
     """Power of what a fit leaves at the pace of physics over that of white noise: x, y, z, angle.
 
-    One for all where the record is long enough to tell the memory of its noise by itself, and where
+    One for all where the record is long enough to determine the memory of its noise, and where
     chance leaves as much. It is estimated from the bends that a free start does not take along, up
     to those that the noise was estimated for.
 
@@ -1273,7 +1271,7 @@ def _second_differences(
     As large as one sample's noise each; NaN along coordinates that were not recorded.
     """
     seen = left.ball_used.any(axis=(0, 1))
-    shown, ways = [], []
+    shown, along_path = [], []
     for trial in range(left.trials):
         rows = np.flatnonzero(left.ball_used[trial][:, seen].all(axis=1))
         if rows.size < 3:
@@ -1283,7 +1281,7 @@ def _second_differences(
         scaled = left.position[trial, rows] / noise.sigma[trial, :3]
         bent = (scaled[2:] - 2.0 * scaled[1:-1] + scaled[:-2]) / np.sqrt(6.0)
         shown.append(np.where(seen, bent, np.nan)[even])
-        ways.append((velocity[trial, rows[1:-1]] / noise.sigma[trial, :3])[even])
+        along_path.append((velocity[trial, rows[1:-1]] / noise.sigma[trial, :3])[even])
     if not shown:
         return np.zeros((0, 3)), np.zeros((0, 3))
-    return np.concatenate(shown), np.concatenate(ways)
+    return np.concatenate(shown), np.concatenate(along_path)

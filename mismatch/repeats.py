@@ -90,12 +90,12 @@ def lack_of_fit(
     """
     kept = setting >= 0
     kept &= np.array([np.count_nonzero(setting == one) > 1 for one in setting], dtype=bool)
-    told = {name: v for name, v in quantities.items() if kept.any() and _varies(v[kept])}
+    varied = {name: v for name, v in quantities.items() if kept.any() and _varies(v[kept])}
     _, group = np.unique(setting[kept], return_inverse=True)
     settings, trials = int(group.max(initial=-1)) + 1, int(kept.sum())
-    if settings < 2 or not told:
+    if settings < 2 or not varied:
         return None
-    columns = np.stack([v[kept] for v in told.values()], axis=1)
+    columns = np.stack([v[kept] for v in varied.values()], axis=1)
     seen = _ratios(columns, group)
     rng = np.random.default_rng(17)
     drawn = np.array(
@@ -103,7 +103,7 @@ def lack_of_fit(
     )
     first = int(np.argmax(seen))
     p_value = (1 + np.count_nonzero(drawn >= seen[first])) / (1 + PERMUTATIONS)
-    return RepeatsTest(settings, trials, float(seen[first]), float(p_value), list(told)[first])
+    return RepeatsTest(settings, trials, float(seen[first]), float(p_value), list(varied)[first])
 
 
 def _varies(values: FloatArray) -> bool:

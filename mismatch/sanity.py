@@ -117,7 +117,7 @@ def refuse_nonsense(campaign: CampaignRecords, prepared: Prepared) -> None:
     size = _spread(px, py)
     if straight > SUSPICIOUS * size and _fits_swapped(campaign, prepared):
         raise UsageError(
-            "the columns x_m and y_m look swapped: the other way round they fit the setup",
+            "the columns x_m and y_m seem swapped: in the other order they fit the setup",
             hint="x_m runs along the wall, y_m up from the floor.",
         )
     if straight > ANOTHER_EXPERIMENT * size:
@@ -320,7 +320,7 @@ def _refuse_fall(forward: Forward) -> None:
         )
     if abs(down) < ASIDE and abs(sideways - 1.0) < ASIDE:
         raise UsageError(
-            f"the columns x_m and y_m look swapped: the balls fall along x, with {sideways:.2g} g",
+            f"the columns x_m and y_m seem swapped: the balls fall along x, with {sideways:.2g} g",
             hint="x_m runs along the wall, y_m up from the floor.",
         )
 
@@ -360,11 +360,11 @@ HOLE = 6.0
 
 NEIGHBOURS = 8
 
-"""Rows on each side that tell how fast the ball is there."""
+"""Rows on each side from which the speed of the ball there is estimated."""
 
 JUMPED = 0.5
 
-"""Share of a pause that the ball's way must leave over before the clock has jumped."""
+"""Fraction of a pause that the ball's path must leave over before the clock has jumped."""
 
 ROUGH = 1.2
 
@@ -373,7 +373,7 @@ a motion that is sampled ten times in its course a few hundredths."""
 
 ENOUGH = 8
 
-"""Samples that can tell whether they follow one another."""
+"""Samples from which it can be determined whether they follow one another."""
 
 LONGEST, SHORTEST = 1e5, 1e-5
 
@@ -393,7 +393,7 @@ CLOCK = 1e-2
 
 SEEN = 0.05
 
-"""m that the ball must get on in a pause for its way to say anything."""
+"""m that the ball must move in a pause for its path to determine anything."""
 
 
 def without_odd_trials(campaign: CampaignRecords) -> CampaignRecords:
@@ -440,7 +440,7 @@ class _Odd(Enum):
 
 _HINTS = {
     _Odd.JUMP: "While t_s goes on, the ball does not; are the times those of the frames?",
-    _Odd.CLOCK: "t_s is in seconds, and needs decimals enough to tell one sample from the next.",
+    _Odd.CLOCK: "t_s is in seconds, and needs enough decimals that no two samples share a time.",
     _Odd.FAR: "Positions are in metres and angles in radians.",
     _Odd.STILL: "Each trial needs a moving ball or a swinging pendulum.",
     _Odd.ROUGH: "Are the rows in order and of one unit, and is it one trial under each name? Or is"
@@ -499,7 +499,7 @@ def _same(one: Trial, other: Trial) -> bool:
 def _clock_jumps(time: FloatArray, position: FloatArray) -> bool:
     """Whether the ball gets on far less in a pause of the clock than its speed on both sides says.
 
-    Under a constant force the way is the mean of both velocities times the time.
+    Under a constant force the displacement is the mean of both velocities times the time.
     """
     found = np.asarray(np.isfinite(position).any(axis=0))
     rows = np.isfinite(position[:, found]).all(axis=1)
@@ -518,9 +518,9 @@ def _clock_jumps(time: FloatArray, position: FloatArray) -> bool:
         if np.linalg.norm(v1) < 0.2 * np.linalg.norm(v2):
             continue  # struck in between
         pause = float(steps[at - 1])
-        way = 0.5 * (v1 + v2) * pause
-        length = float(np.linalg.norm(way))
-        if length > SEEN and float((last - first) @ way) < (1.0 - JUMPED) * length**2:
+        moved = 0.5 * (v1 + v2) * pause
+        length = float(np.linalg.norm(moved))
+        if length > SEEN and float((last - first) @ moved) < (1.0 - JUMPED) * length**2:
             return True
     return False
 
@@ -547,13 +547,13 @@ class DroppedInEach(DroppedFrames):
     ----------
     instants : tuple of float
         s after contact onset, by trial.
-    looks : float
+    search_cost : float
         What finding them costs (chi-square units).
     """
 
     form: str = "at an instant of its own in each trial"
     instants: tuple[float, ...] = ()
-    looks: float = 0.0
+    search_cost: float = 0.0
 
     def of_trials(self, rows: NDArray[np.int64]) -> Effect:
         """The jumps of some trials alone, in order."""
@@ -678,5 +678,5 @@ def dropped_in_each(forward: Forward, fit: Fit) -> DroppedInEach | None:
     return DroppedInEach(
         parameters=(gap,),
         instants=tuple(float(t) for t in instants),
-        looks=float(max(fitted - fit.reduced_chi2 * evidence[best], 0.0)) + rarity,
+        search_cost=float(max(fitted - fit.reduced_chi2 * evidence[best], 0.0)) + rarity,
     )

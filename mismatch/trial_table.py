@@ -69,7 +69,7 @@ __all__ = [
 
 CHANNELS = ("impact_speed", "ball_speed", "range")
 
-"""What a trial may tell, in the order of the arrays' last axis; m/s, m/s, m."""
+"""What a trial may contain, in the order of the arrays' last axis; m/s, m/s, m."""
 
 MIN_STD = 1e-9
 """m or m/s: a few atoms; no ball's surface is defined better."""
@@ -114,7 +114,7 @@ class TrialTable:
         if np.any(values <= 0.0):
             raise UsageError(
                 "speeds and ranges must be positive",
-                hint="The range runs from the ball's centre at rest the way the ball flies.",
+                hint="The range runs from the ball's centre at rest in the direction of flight.",
             )
         if np.any(self.stds[np.isfinite(self.stds)] <= 0.0):
             raise UsageError(
@@ -148,7 +148,7 @@ class TrialTable:
         return np.asarray(np.isfinite(self.values).any(axis=0))
 
     def require_enough(self) -> None:
-        """Refuse a table that can tell nothing.
+        """Refuse a table from which nothing follows.
 
         Raises
         ------
@@ -172,7 +172,7 @@ class TrialTable:
         useful = int(np.isfinite(self.values[:, 1:]).any(axis=1).sum())
         if useful < MIN_TRIALS:
             raise TooLittleDataError(
-                f"{useful} trials with a result are too little to tell anything",
+                f"{useful} trials with a result are too little to determine anything",
                 hint=f"At least {MIN_TRIALS} trials at two or more impact speeds are needed.",
             )
 
@@ -784,7 +784,7 @@ SIZE_PRIOR = (0.5, 0.4, 0.09, 0.01)
 
 SEED_PAIRS = 30
 
-"""Pairs that are refined, the best of a linear look first; assumed."""
+"""Pairs that are refined, the best by the linear score first; assumed."""
 
 MAX_REFINED = 24
 
@@ -1038,7 +1038,7 @@ def _scanned(pool: _Pool, most: int) -> dict[tuple[int, ...], float]:
 def _usual(
     pool: _Pool, forms: Sequence[tuple[float, tuple[int, ...]]]
 ) -> tuple[float, tuple[int, ...]]:
-    """The most probable form, or the usual one where the table can't tell them apart.
+    """The most probable form, or the usual one where the table cannot distinguish them.
 
     The usual form is the one that a setup file means.
     """
@@ -1116,7 +1116,7 @@ RESAMPLED = 2000
 """Resamples: a probability of 0.95 is then good to 0.005."""
 
 
-def _foretold(
+def _predicted(
     forward: TableForward, laws: int, answer: Answer, kept_out: NDArray[np.bool_]
 ) -> FloatArray:
     """Errors (T, 3) of an answer that was trained without the marked trials."""
@@ -1136,10 +1136,10 @@ def _errors(
     forward: TableForward, laws: int, answer: Answer, kept_out: NDArray[np.bool_] | None
 ) -> FloatArray:
     if kept_out is not None:
-        return _foretold(forward, laws, answer, kept_out)[kept_out]
+        return _predicted(forward, laws, answer, kept_out)[kept_out]
     count = forward.table.trials
     return np.concatenate(
-        [_foretold(forward, laws, answer, np.arange(count) == k)[k : k + 1] for k in range(count)]
+        [_predicted(forward, laws, answer, np.arange(count) == k)[k : k + 1] for k in range(count)]
     )
 
 
@@ -1172,10 +1172,10 @@ def table_held_out(
     channel = 2 if table.present[2] else 1
     before = _errors(forward, laws, null, kept_out)[:, channel]
     after = _errors(forward, laws, best, kept_out)[:, channel]
-    told = np.isfinite(before) & np.isfinite(after)
-    if int(told.sum()) < 2 or table.trials - 1 < MIN_TRIALS - 1:
+    known = np.isfinite(before) & np.isfinite(after)
+    if int(known.sum()) < 2 or table.trials - 1 < MIN_TRIALS - 1:
         return None
-    before, after = before[told], after[told]
+    before, after = before[known], after[known]
     picks = np.random.default_rng(3).integers(0, before.size, (RESAMPLED, before.size))
     ratio = np.sqrt(
         np.square(before)[picks].mean(axis=1)
@@ -1192,7 +1192,7 @@ def table_held_out(
 
 
 BALL_SPEED = (
-    "the ball's speed just after contact (a column ball_speed_m_s), which tells what happens in"
+    "the ball's speed just after contact (a column ball_speed_m_s), which shows what happens in"
     " contact from what happens in flight"
 )
 
@@ -1256,7 +1256,7 @@ def alternatives(
             continue
         behind = 2.0 * (best.log_weight - other.log_weight)
         if any(other is rival for rival in rivals):
-            why = "not excluded: the table can't tell it apart"
+            why = "not excluded: the table cannot distinguish it"
         elif len(other.members) > len(best.members) and set(best.ids) <= set(other.ids):
             why = "the further effect explains no more than chance would"
         else:
@@ -1298,8 +1298,8 @@ def located(
     speed = table.values[:, 0]
     if not np.isfinite(speed).all():
         speed = forward.predict([null.model], np.zeros((1, table.trials, 4)))[0, :, 0]
-    told = np.isfinite(residual[:, channel])
-    order = np.flatnonzero(told)[np.argsort(speed[told])]
+    known = np.isfinite(residual[:, channel])
+    order = np.flatnonzero(known)[np.argsort(speed[known])]
     share = 100.0 * residual[order, channel] / (table.values - residual)[order, channel]
     count = max(1, order.size // 4)
     slow, fast = float(share[:count].mean()), float(share[-count:].mean())
@@ -1457,7 +1457,7 @@ def explain_table(
     Raises
     ------
     UsageError
-        If units can't be right, columns look swapped, or the setup describes something else.
+        If units can't be right, columns seem swapped, or the setup describes something else.
     TooLittleDataError
         If there are too few trials.
     """
@@ -1508,7 +1508,7 @@ def refuse_nonsense(forward: TableForward, model: ForwardModel) -> None:
 
 
 def _rivals(found: Search, best: Answer) -> tuple[Answer, ...]:
-    """Answers of the same size that the table can't tell from the best one."""
+    """Answers of the same size that the table cannot distinguish from the best one."""
     least = best.log_weight - np.log(RIVAL)
     return tuple(
         a
@@ -1610,27 +1610,27 @@ def _remainder(table: TrialTable, found: Search, answer: Answer) -> Remainder:
     subject = "What remains after the best model" if answer.members else "The baseline's residuals"
     lacking = unstated(table)
     posterior: Posterior = answer.posterior
-    told, white = [], True
+    parts, white = [], True
     for channel, name in ((1, "ball speeds"), (2, "ranges")):
         if not table.present[channel]:
             continue
         noise = float(posterior.noise[channel])
         if not lacking[channel]:
             white = white and noise < FARTHEST_OFF
-            told.append(f"{name} scatter {noise:.1f} times as widely as stated")
+            parts.append(f"{name} scatter {noise:.1f} times as widely as stated")
         elif channel == 2:
             white = white and noise < max(
                 READING, READING_SHARE * float(np.nanmedian(table.values[:, 2]))
             )
-            told.append(f"{name} scatter by {1e3 * noise:.1f} mm")
+            parts.append(f"{name} scatter by {1e3 * noise:.1f} mm")
         else:
             white = white and noise < SPEED_SHARE
-            told.append(f"{name} scatter by {100.0 * noise:.1f} %")
+            parts.append(f"{name} scatter by {100.0 * noise:.1f} %")
     free = sum(len(c.effect.strengths) for c in answer.members)
     p_value = float(gammaincc(0.5 * max(_count(table) - free, 1), 0.5 * posterior.chi2))
     white = white and p_value > MIN_P_VALUE
     end = "as errors of reading do" if white else "more than errors of reading would"
-    statement = f"{subject}: {' and '.join(told)}, {end}."
+    statement = f"{subject}: {' and '.join(parts)}, {end}."
     repeats = table_repeats(table, answer)
     if repeats is not None:
         white = white and not repeats.lacks

@@ -199,7 +199,7 @@ class HeldOut:
     gain : float or None
         Chi-square units by which they fit better, with what each trial's own scatter has to take
         up: a law of the contact moves no path that the scatter of launches may not move as well.
-        None where more than noise is left over, in which chi-square tells no odds.
+        None where more than noise is left over, in which chi-square gives no odds.
     extrapolation_before, extrapolation_after : float or None
         Error of the last two fifths of each track, fitted on the rest.
     extrapolation_95 : tuple of float or None
@@ -220,13 +220,13 @@ class HeldOut:
     claimed: float = 0.0
 
     @property
-    def foretells(self) -> bool:
+    def predicts_better(self) -> bool:
         """Whether their error is less, by some of what the answer takes away where it was fitted.
 
         A thousandth of an error that is halved in the fit is what a wrong law leaves, too.
         """
         less = 1.0 - 1.0 / max(self.ratio_95[0], 1e-12)
-        return less > FORETOLD * self.claimed
+        return less > MIN_PREDICTED * self.claimed
 
     @property
     def proves(self) -> bool:
@@ -234,7 +234,7 @@ class HeldOut:
 
         Chi-square has the error in it, beside what each trial's own scatter took of it.
         """
-        return self.foretells or (self.gain is not None and self.gain > PROVED)
+        return self.predicts_better or (self.gain is not None and self.gain > PROVED)
 
     @property
     def worse(self) -> bool:
@@ -271,30 +271,30 @@ class HeldOut:
     @property
     def in_words(self) -> str:
         """The proof in one or two sentences."""
-        told = (
+        text = (
             f"Trials kept out of the fit: error {self._small(self.rmse_after)} instead of"
             f" {self._small(self.rmse_before)} (error ratio before/after:"
             f" {self.ratio_95[0]:.3g} to {self.ratio_95[1]:.3g}, 95 %)"
         )
-        if self.foretells:
-            told += "."
+        if self.predicts_better:
+            text += "."
         elif self.proves:
-            told += (
+            text += (
                 "; what trials may differ by takes up the error, but they then differ less:"
                 f" chi-square falls by {self.gain:.3g}."
             )
         else:
-            told += ": no proof of a better prediction."
+            text += ": no proof of a better prediction."
         if self.extrapolation_before is not None and self.extrapolation_after is not None:
-            told += (
+            text += (
                 " Fitted on the first 60 % of each track, the rest is predicted to"
                 f" {self._small(self.extrapolation_after)} instead of"
                 f" {self._small(self.extrapolation_before)}"
             )
             if self.extrapolation_95 is not None:
-                told += " (error ratio {:.3g} to {:.3g})".format(*self.extrapolation_95)
-            told += "."
-        return told
+                text += " (error ratio {:.3g} to {:.3g})".format(*self.extrapolation_95)
+            text += "."
+        return text
 
 
 @dataclass(frozen=True)
@@ -327,7 +327,7 @@ class EngineVerdict:
     alternatives : tuple of Alternative
         Other answers, nearest first.
     indistinguishable : tuple of tuple of str
-        Groups of ids that the data can't tell apart.
+        Groups of ids that the data cannot distinguish.
     next_measurement : str or None
         What would separate them.
     held_out : HeldOut or None
@@ -460,7 +460,7 @@ def _subject(effects: Sequence[NamedEffect]) -> str:
     return f"{len(effects)} effects are missing from the model"
 
 
-FORETOLD = 0.1
+MIN_PREDICTED = 0.1
 
 """Share of what an answer takes away where it was fitted that it must take away elsewhere, lest the
 fit be a description; assumed: laws that hold take as much."""
@@ -707,7 +707,7 @@ def _noise_swallows(forward: Forward) -> bool:
             sizes.append(records.sigma[trial, 3] / max(spread, 1e-12))
         seen = records.ball_used[trial]
         if forward.mode != "swing" and seen.any():
-            ways = [
+            directions = [
                 (
                     float(np.std(records.position[trial, seen[:, k], k])),
                     _noise_of(records, trial, k),
@@ -715,7 +715,7 @@ def _noise_swallows(forward: Forward) -> bool:
                 for k in range(3)
                 if seen[:, k].any()
             ]
-            widest, sigma = max(ways)
+            widest, sigma = max(directions)
             sizes.append(sigma / max(widest, 1e-12))
     return not sizes or float(np.median(sizes)) > SWALLOWED
 
@@ -759,7 +759,7 @@ def _undetermined(best: Hypothesis) -> bool:
     """Whether a law has shapes that leave its strength open.
 
     Squeezed against the contact, a torque at one angle says whatever a law of contact says; frames
-    lost at an instant that nothing tells say whatever bends the end of a fall.
+    lost at an undetermined instant say whatever bends the end of a fall.
     """
     return any(
         member.effect.shapes
@@ -777,7 +777,7 @@ def _own_like_noise(forward: Forward, best: Hypothesis) -> bool:
     chosen in each trial is noise as long as choosing it gains more than what is left of it.
     """
     records = forward.records
-    if any(getattr(m.effect, "looks", 0.0) > best.penalised_gain for m in best.members):
+    if any(getattr(m.effect, "search_cost", 0.0) > best.penalised_gain for m in best.members):
         return True
     return (records.remembers or not records.tell_memory) and any(
         member.effect.level is Level.TRIAL and _spread_seen(forward, best.fit, member.effect) < SEEN
@@ -850,11 +850,11 @@ DRAWS = 1000
 
 FEW = 4
 
-"""Trials up to which each is kept out in turn: one alone may be the one that can't tell."""
+"""Trials up to which each is kept out in turn: one alone may be the one that determines nothing."""
 
 BLOCKS = 8
 
-"""Pieces of each held-out trial that are drawn anew: one trial alone tells an interval, too."""
+"""Pieces of each held-out trial that are drawn anew: one trial alone gives an interval, too."""
 
 
 def choose_held_out(forward: Forward) -> np.ndarray:
@@ -872,18 +872,18 @@ def _trained(forward: Forward, model_fit: Fit, held: np.ndarray) -> Fit:
     return fit_model(train, model_fit.model, model_fit.free, start, rounds=5)
 
 
-def _foretold(
+def _folds_that_predict(
     forward: Forward, best: Hypothesis, folds: np.ndarray, *, chosen: bool
 ) -> tuple[np.ndarray, list[Fit]]:
-    """Folds whose other trials tell all that is named, and the answer trained on those.
+    """Folds whose other trials determine all that is named, and the answer trained on those.
 
-    Where the trials that are left leave a strength open that all of them tell, they foretell
+    Where the trials that are left leave a strength open that all of them determine, they predict
     nothing: a crisis that two trials went through was predicted fifty times too large. Then each
     trial is kept out in turn, and those without which nothing is determined stay in. Folds that a
     user has `chosen` stay as they are.
     """
 
-    def tell(trained: Fit) -> bool:
+    def determine(trained: Fit) -> bool:
         return all(
             _most_seen(trained, member.effect) >= SEEN
             for member in best.members
@@ -891,11 +891,11 @@ def _foretold(
         )
 
     trained = [_trained(forward, best.fit, mask) for mask in folds]
-    if chosen or all(tell(one) for one in trained):
+    if chosen or all(determine(one) for one in trained):
         return folds, trained
     each = np.eye(forward.records.trials, dtype=bool)
     alone = [_trained(forward, best.fit, mask) for mask in each]
-    kept = [index for index, one in enumerate(alone) if tell(one)]
+    kept = [index for index, one in enumerate(alone) if determine(one)]
     return (each[kept], [alone[index] for index in kept]) if kept else (folds, trained)
 
 
@@ -1032,7 +1032,7 @@ def predict(
     best = sets[0]
     trained: list[Fit] = []
     if folds.size:
-        folds, trained = _foretold(forward, best, folds, chosen=held is not None)
+        folds, trained = _folds_that_predict(forward, best, folds, chosen=held is not None)
     known = {} if known is None else known
     fits = (base, *(h.fit for h in sets))
     for fit in fits:

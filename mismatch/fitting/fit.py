@@ -329,7 +329,7 @@ def reduce(
     own_t = np.swapaxes(system.own, 1, 2)
     a = own_t @ system.own + np.diag(system.prior)
     b = own_t @ system.shared
-    # A tiny ridge relative to each diagonal keeps directions that no row sees out of the way.
+    # A tiny ridge relative to each diagonal keeps directions that no row sees from growing.
     diagonal = np.einsum("tqq->tq", a)
     inverse = np.linalg.inv(
         a + np.einsum("tq,qr->tqr", 1e-12 * diagonal + 1e-12, np.eye(a.shape[1]))
@@ -462,7 +462,7 @@ def rows_at_rest(records: Records, rate: float) -> NDArray[np.bool_]:
     Parameters
     ----------
     rate : float
-        Of small swings, rad/s: half a swing tells rest from a turning point.
+        Of small swings, rad/s: half a swing distinguishes rest from a turning point.
     """
     found = np.zeros(records.pendulum_used.shape, dtype=bool)
     for trial in range(records.trials):
@@ -1285,8 +1285,8 @@ def _stepped_down(
     damping = dampings[last] if found.cost < stand.cost else max(4.0 * dampings[last], 0.05)
     best = min(found, stand, key=lambda one: one.cost)
     if damping and stand.cost - best.cost < STALLED * stand.cost + 1e-3:
-        # Damping holds back above all what the records hardly tell: a turned face trades with the
-        # launch angle along a valley, which is followed along its bend.
+        # Damping holds back above all what the records hardly determine: a turned face trades
+        # with the launch angle along a valley, which is followed along its bend.
         whole = normal.step()
         bend = _bend(forward, system, normal, whole, stand.point, free)
         bent = at(
@@ -1308,7 +1308,7 @@ def _first_below(places: Sequence[_PlaceOfFit], cost: float) -> int:
 
 PROBE = 0.1
 
-"""Share of a step at which the bend of its way is looked at."""
+"""Share of a step at which the bend of its path is measured."""
 
 
 def _bend(
@@ -1321,7 +1321,7 @@ def _bend(
 ) -> Step:
     """What to add to a step, times its share, so that it keeps to its valley to second order.
 
-    Geodesic acceleration (Transtrum and Sethna, arXiv:1201.5885): one more prediction tells the
+    Geodesic acceleration (Transtrum and Sethna, arXiv:1201.5885): one more prediction gives the
     second derivative along the step. Zero where the probe runs off.
     """
     own, move = step

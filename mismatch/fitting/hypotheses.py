@@ -65,6 +65,7 @@ __all__ = [
     "fit_hypothesis",
     "form_evidence",
     "group_tolerance",
+    "is_distinct",
     "is_known",
     "least_gain",
     "left_by_forms",
@@ -73,7 +74,6 @@ __all__ = [
     "price_of_weights",
     "scan_beyond_forms",
     "second_effect_share",
-    "told_apart",
 ]
 
 ORDERS = (1, 2, 3)
@@ -101,7 +101,7 @@ class FormError(Effect):
     of : Effect
         The law.
     held : tuple of (name, value)
-        Its parameters where the error is looked for.
+        Its parameters where the error is tried.
     hook : str
         Which of its hooks.
     order : int
@@ -174,7 +174,7 @@ class FormError(Effect):
         )
 
     def image(self, values: Values, view: CameraView) -> Vector:
-        """The law's displacement times the error, along the way."""
+        """The law's displacement times the error, along its direction."""
         k = values["weight"] * self._smooth((view.x - view.centre_x) / view.half_width)
         x, y, z = self._law.image(self._held, view)
         return view.x + k * (x - view.x), view.y + k * (y - view.y), view.z + k * (z - view.z)
@@ -194,10 +194,10 @@ def _sizes(contact: Contact, before: Outcome, after: Outcome) -> dict[str, Float
     returned = np.hypot(moved["pendulum_speed"], contact.ball_mass / contact.inertial_mass * pushed)
     gap = np.asarray(before.contact_time)
     longer = np.abs(moved["contact_time"]) + speed / np.maximum(contact.impact_speed, 1e-6) * gap
-    way = np.hypot(moved["x"], moved["y"]) + 0.5 * gap * speed
+    path = np.hypot(moved["x"], moved["y"]) + 0.5 * gap * speed
     angle = np.abs(moved["pendulum_angle"]) + 0.5 * gap * returned / contact.length
     return {
-        "vx": speed, "vy": speed, "pendulum_speed": returned, "x": way, "y": way,
+        "vx": speed, "vy": speed, "pendulum_speed": returned, "x": path, "y": path,
         "contact_time": longer, "pendulum_angle": angle,
     }  # fmt: skip
 
@@ -505,7 +505,7 @@ laws alone are followed to their end, since each may be half of the answer."""
 
 WHOLE_ROUNDS = 8
 
-"""Steps from which a fit is meant to reach its end, not to be a first look."""
+"""Steps from which a fit is meant to reach its end, not to be a first score."""
 
 MAX_RELEASES = 8
 
@@ -639,7 +639,7 @@ def is_known(effect: Effect) -> bool:
     return bool(effect.strengths) and all(p.is_known for p in effect.strengths)
 
 
-def told_apart(best: Hypothesis, other: Hypothesis) -> bool:
+def is_distinct(best: Hypothesis, other: Hypothesis) -> bool:
     """Whether two answers differ by more than the misfit that both share.
 
     Where no law fits to the noise, chi-square says nothing; the difference has to be steady over
@@ -705,7 +705,7 @@ def fit_hypothesis(
         abandon = np.inf
     fit = _fitted_from(forward, base, members, strengths, origin, rounds, swing, abandon)
     if fit.objective > origin.objective + SLACK:
-        # It holds the model that it started about, so it can't fit worse: the linear look led
+        # It holds the model that it started about, so it can't fit worse: the linear score led
         # wrong, and small strengths are the surer start.
         held = [effect for effect, _ in origin.model.entries]
         small = [
@@ -823,7 +823,7 @@ def _airless(forward: Forward, fit: Fit, added: Sequence[Effect]) -> bool:
     """Whether laws of the air are asked for although it does not resist.
 
     Air that lifts, carries or turns a body resists it as well. Where the setup states how much,
-    that is believed; where it does not, the records tell.
+    that is believed; where it does not, the records decide.
     """
     if forward.mode != "flight" or not any(effect.by_air for effect in added):
         return False
@@ -858,7 +858,7 @@ def _lacking(forward: Forward, model: ForwardModel) -> tuple[str, ...]:
 def price_of_weights(fit: Fit, added: Sequence[Effect]) -> float:
     """What the evidence asks for weights that a prior holds: ln det of prior over posterior.
 
-    What the baseline leaves open costs either the same; a shape has paid for its looks.
+    What the baseline leaves open costs either the same; a shape has paid for its search.
     """
     held = [
         k
@@ -943,7 +943,7 @@ def second_effect_share(hypothesis: Hypothesis, further: Effect) -> float:
     What a loose law hands on to another phase, errors of its form say part by part; within its own
     phase they are a few polynomials of what it may do.
     """
-    # A camera turned about all its axes is every way in which a camera can be turned.
+    # A camera turned about all its axes is any turn that a camera can have.
     laws = [
         member.effect
         for member in hypothesis.members

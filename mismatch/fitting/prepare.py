@@ -18,7 +18,7 @@ from mismatch.fitting.fit import (
     rows_at_rest,
     seen_swings,
 )
-from mismatch.fitting.reading import told_beside_any_losses
+from mismatch.fitting.reading import reading_beside_any_losses
 from mismatch.forward import NUISANCES, Forward, ForwardModel, Mode, OwnStrength
 from mismatch.records import (
     Baseline,
@@ -46,7 +46,7 @@ STRAY = 5.0
 """Sigma from the line through the neighbours."""
 
 NEIGHBOURS = 9
-"""Rows that tell a local velocity: a cubic has four unknowns, more than half are to spare."""
+"""Rows that give a local velocity: a cubic has four unknowns, more than half are to spare."""
 
 FINER = 4
 """Times the steps that a path is taken for exact with: a fourth-order error is 256 times less."""
@@ -98,7 +98,7 @@ def instrument_faults(forward: Forward, widths: Mapping[str, float]) -> tuple[Ef
     """Scale, clock and level of free flights, each held to none as closely as labs get them.
 
     A strike is held by back-swing and support, a free swing by its own zero and period; a free
-    flight has nothing but gravity to tell its ruler, clock and plumb line by.
+    flight has nothing but gravity to check its ruler, clock and plumb line by.
 
     Parameters
     ----------
@@ -362,10 +362,10 @@ def prepare(
     if swinging:
         # A baseline out of phase says nothing of outliers or of the instrument; the local estimate
         # has found those, the fit beside any losses these.
-        reading = told_beside_any_losses(forward, model, start[0])
+        reading = reading_beside_any_losses(forward, model, start[0])
         instruments = (*baseline.instruments, *reading.faults)
-        told = replace(baseline, instruments=instruments)
-        forward, model = replace(forward, baseline=told, uneven=reading.uneven), reading.model
+        read = replace(baseline, instruments=instruments)
+        forward, model = replace(forward, baseline=read, uneven=reading.uneven), reading.model
     fit = fit_model(forward, model, free_parameters(model, baseline.instruments), start)
     if swinging:
         return Prepared(forward, known, noise, left_open(fit, reading.faults))
@@ -411,7 +411,7 @@ def _weighed_again(
     stray = _strays(fit.residual * np.sqrt(np.repeat(noise.inflation, _lengths(records))), records)
     noise = replace(noise, outliers=noise.outliers | stray)
     forward = replace(forward, records=_weighed(records, noise))
-    noise = _told_again(forward, fit, _segments(forward, clocks), noise)
+    noise = _estimated_again(forward, fit, _segments(forward, clocks), noise)
     left = _left_over(forward.records, fit)
     velocity = _velocities(forward.records, left)
     noise = with_clock_jitter(noise, left, velocity)
@@ -430,14 +430,14 @@ def _with_instruments(forward: Forward, model: ForwardModel) -> ForwardModel:
     return replace(model, entries=entries, own=own)
 
 
-def _told_again(
+def _estimated_again(
     forward: Forward, fit: Fit, segments: tuple[FloatArray, FloatArray], noise: Noise
 ) -> Noise:
     """Noise as estimated for the baseline's fit.
 
     The fit of strikes knows much, and less is left to pass for noise than about polynomials. That
-    of free flights knows no more than the record: it tells noise anew only where this has a memory
-    that no motion leaves.
+    of free flights knows no more than the record: noise is estimated anew only where it has a
+    memory that no motion leaves.
     """
     left = _left_over(forward.records, fit)
     if forward.mode == "impact":
@@ -499,7 +499,7 @@ def _weighed(records: Records, noise: Noise) -> Records:
 def with_slow_noise(prepared: Prepared, fit: Fit) -> Prepared | None:
     """The campaign under as much slow noise as an answer leaves over; None where it leaves none.
 
-    Records of throws too short to tell the memory of their noise are first held to have none. What
+    Records of throws too short to show the memory of their noise are first held to have none. What
     an answer takes as a law has then to be more than what it leaves.
     """
     forward, noise = prepared.forward, prepared.noise

@@ -22,7 +22,7 @@ from mismatch.fitting.fit import (
     linearise_arcs,
 )
 from mismatch.fitting.hypotheses import POOR_FIT
-from mismatch.fitting.scan import scatter_evidence, told_of_own
+from mismatch.fitting.scan import scatter_evidence, score_of_own
 from mismatch.forward import NUISANCES, Forward, ForwardModel
 from mismatch.records import SIGNIFICANT, Records
 from physics.domain import FloatArray
@@ -30,7 +30,7 @@ from physics.effects import Effect, Level
 from physics.effects.measurement import PivotElsewhere, ReadingLag
 from physics.effects.swing import BearingFriction, PendulumDrag, ViscousDamping
 
-__all__ = ["NOTEWORTHY", "Reading", "resolution", "told_beside_any_losses"]
+__all__ = ["NOTEWORTHY", "Reading", "reading_beside_any_losses", "resolution"]
 
 ANY_LOSSES = (BearingFriction(), ViscousDamping(), PendulumDrag())
 """Zeroth, first and second power of the rate."""
@@ -87,7 +87,7 @@ def _held(effect: Effect, width: float) -> Effect:
 def _faults(forward: Forward) -> tuple[Effect, ...]:
     """What may be wrong with angles that nothing else is known of; a step's half, where one shows.
 
-    Records that tell how well they know their axis are taken at their word.
+    Records that state the uncertainty of their axis are believed.
     """
     known = {type(effect) for effect in forward.baseline.instruments}
     found: list[Effect] = []
@@ -144,19 +144,19 @@ def _uneven(forward: Forward, fit: Fit) -> float:
         forward, fit.model, fit.arcs, fit.nuisance, fit.law_offsets, fit.free
     ).system
     mine = [NUISANCES["swing"].index("losses")]
-    score, information = told_of_own(forward, fit.model, fit.nuisance, system, mine)
+    score, information = score_of_own(forward, fit.model, fit.nuisance, system, mine)
     # As if all had lost alike, and losses were known to a few per cent at best.
     score = score + (information @ fit.nuisance[:, mine, None])[..., 0]
     usual, left = Defaults.BEARING_REPEATS.std, fit.reduced_chi2
     spread, gain = scatter_evidence(score / left, information / left, np.array([usual]))
-    # A scatter is known as well as its number of releases tells it.
+    # A scatter is known as well as its number of releases allows.
     degrees = forward.records.trials - 1
     size = float(spread[0])
     least = size * np.sqrt(degrees / chdtri(degrees, UNLIKELY))
     return size if gain > SIGNIFICANT and least < NOTEWORTHY * usual else 0.0
 
 
-def told_beside_any_losses(forward: Forward, model: ForwardModel, start: FloatArray) -> Reading:
+def reading_beside_any_losses(forward: Forward, model: ForwardModel, start: FloatArray) -> Reading:
     """What a campaign of free swings shows of its instrument and of its bearing.
 
     Parameters

@@ -47,14 +47,14 @@ __all__ = [
     "robust_spread",
     "scan",
     "scatter_evidence",
+    "score_of_own",
     "slopes_left",
-    "told_of_own",
     "with_own_strengths",
 ]
 
 FACTORS = np.logspace(-2.0, 2.5, 28)
 
-"""Scatters that are looked at, in scales of the strength."""
+"""Scatters that are tried, in scales of the strength."""
 
 REFINEMENTS = 40
 
@@ -69,7 +69,7 @@ MIN_SPREAD = 1e-4
 
 @dataclass(frozen=True)
 class _Place:
-    """A model with the values that it is looked at around; of free swings their pieces, too."""
+    """A model with the values that it is linearised around; of free swings their pieces, too."""
 
     model: ForwardModel
     nuisance: FloatArray
@@ -91,7 +91,7 @@ def _linearised(
     """Around a place; of free swings around their pieces, which are as straight as strikes are.
 
     In one arc of many periods a small torque turns the phase around, and a law that is out of step
-    with the record has no slope that tells where the right one is.
+    with the record has no slope towards the right one.
     """
     if forward.mode != "swing":
         return linearise(forward, at.model, at.nuisance, at.laws, free, extra, extra_steps)
@@ -189,7 +189,7 @@ def _evidence_of_levels(score: FloatArray, information: FloatArray, spread: Floa
     return gain - float(np.linalg.slogdet(root)[1].sum())
 
 
-def told_of_own(
+def score_of_own(
     forward: Forward,
     model: ForwardModel,
     nuisance: FloatArray,
@@ -245,7 +245,7 @@ def _around(
     model, nuisance = at.model, at.nuisance
     first = len(NUISANCES[forward.mode])
     mine = [first + k for k, one in enumerate(model.own) if one.effect is effect]
-    score, information = told_of_own(forward, model, nuisance, _linearised(forward, at, ()), mine)
+    score, information = score_of_own(forward, model, nuisance, _linearised(forward, at, ()), mine)
     score, information = grouped(forward, effect.level, score, information)
     values = nuisance[:, mine]
     if effect.level in GROUPED:
@@ -391,7 +391,7 @@ def _own_std(forward: Forward, fit: Fit, mine: Sequence[OwnStrength]) -> FloatAr
 
 LINEAR_SHARE = 0.5
 
-"""Share of a step by which the linear look may misjudge it; assumed."""
+"""Share of a step by which the linear score may misjudge it; assumed."""
 
 TRIALS_AT_ONCE = 20
 """Trials that a scan holds at once: it needs some 3 MB for each, whatever their number. Chosen;
@@ -403,7 +403,7 @@ LANES_AT_ONCE = 48
 
 WIDTHS = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
 
-"""Widths of the priors of curves that are looked at, in units of the declared one."""
+"""Widths of the priors of curves that are tried, in units of the declared one."""
 
 
 @dataclass(frozen=True)
@@ -477,8 +477,8 @@ class Scan:
     def allowed(self, index: int, values: FloatArray, slack: float = 2.0) -> bool:
         """Whether strengths lie within what nature allows, give or take `slack` sigma.
 
-        A drag that the model holds is also given half its way: so far may a straight line through
-        a bent law miss where there is none.
+        A drag that the model holds is also given half its change: a straight line through a bent
+        law misses by as much where there is none.
         """
         strengths = self.candidates[index].effect.strengths
         bent = LINEAR_SHARE if self.candidates[index].id == EffectId.DRAG else 0.0
@@ -650,7 +650,7 @@ def _beside_what_is_held(
 
 MIN_WEIGHT = 1e-3
 
-"""Information of a trial over that of the best one below which it tells nothing of a strength."""
+"""Information of a trial over that of the best one below which it does not count for a strength."""
 
 MIN_TRIALS = 6
 
@@ -660,8 +660,8 @@ MIN_TRIALS = 6
 def robust_spread(forward: Forward, fit: Fit) -> FloatArray:
     """Standard uncertainties that hold where the law is not quite right.
 
-    Each trial pulls the parameters its own way; how far the pulls scatter says how well they are
-    known, whatever left the residuals over (sandwich estimate by trial: Liang and Zeger,
+    Each trial pulls the parameters in a direction; how far the pulls scatter shows how well they
+    are known, whatever left the residuals over (sandwich estimate by trial: Liang and Zeger,
     Biometrika 73, 13 (1986)). Never below what the noise alone gives, inflated by the misfit.
 
     Returns
@@ -708,12 +708,12 @@ def heterogeneity(forward: Forward, fit: Fit) -> tuple[Heterogeneity, ...]:
     pulls = pulls / fit.reduced_chi2
     found = []
     for pull, weight in zip(pulls.T, weights.T, strict=True):
-        tells = weight > MIN_WEIGHT * max(float(weight.max(initial=0.0)), 1e-300)
-        degrees = int(tells.sum()) - 1
-        if degrees < 1 or not np.isfinite(pull[tells]).all():
+        counted = weight > MIN_WEIGHT * max(float(weight.max(initial=0.0)), 1e-300)
+        degrees = int(counted.sum()) - 1
+        if degrees < 1 or not np.isfinite(pull[counted]).all():
             found.append(Heterogeneity(1.0, 0.0))
             continue
-        mine, own = weight[tells], pull[tells]
+        mine, own = weight[counted], pull[counted]
         q = float(np.sum(own**2 / mine))
         total = float(mine.sum())
         room = total - float(np.sum(mine**2)) / total
@@ -726,7 +726,7 @@ def _pulls(forward: Forward, fit: Fit) -> tuple[FloatArray, FloatArray]:
     """Information on the shared parameters (n, n), and each trial's pull on them (trials, n)."""
     left, system = _without_own(forward, fit)
     first = system.shared.shape[-1] - len(fit.free)
-    # Shapes keep the hold they were fitted with; a place that no row tells apart has no slope.
+    # Shapes keep the hold they were fitted with; a place that no row distinguishes has no slope.
     prior = system.shared_prior.copy()
     prior[first:] += [1.0 / f.parameter.scale**2 if f.parameter.is_shape else 0.0 for f in fit.free]
     prior[first:] += held_information(fit.free)

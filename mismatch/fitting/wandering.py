@@ -17,17 +17,17 @@ from physics.domain import FloatArray
 __all__ = ["Wandering", "wandering_errors"]
 
 COSINES = 16
-"""Slowest cosines that are looked at: up to eight turns of a marker in one flight."""
+"""Slowest cosines that are tried: up to eight turns of a marker in one flight."""
 
 MIN_TRIALS = 6
 """Trials from which their scatter says something."""
 
 PRICE = 4.0
-"""Chi-square units for a variance that is fitted: two standard deviations, which of 32 looks chance
-alone exceeds in one upward."""
+"""Chi-square units for a variance that is fitted: two standard deviations, which chance alone
+exceeds upward in one of 32."""
 
 TOGETHER = 0.001
-"""Probability below which trials go one way together: that is a law, and no noise."""
+"""Probability below which trials deviate in one direction together: that is a law, and no noise."""
 
 
 @dataclass(frozen=True)
@@ -64,24 +64,24 @@ def wandering_errors(forward: Forward, residual: FloatArray) -> Wandering:
     basis = slow_cosines(records, COSINES)
     left = residual[:, : 3 * rows].reshape(records.trials, 3, rows)
     found = np.einsum("tcs,tcsk->tck", left, basis)
-    told = np.any(basis != 0.0, axis=2)
-    count = told.sum(axis=0)
+    known = np.any(basis != 0.0, axis=2)
+    count = known.sum(axis=0)
     variance = np.square(found).sum(axis=0) / np.maximum(count, 1)
     gain = count * (variance - 1.0 - np.log(np.maximum(variance, 1e-300))) - PRICE
     kept = (count >= MIN_TRIALS) & (variance > 1.0) & (gain > 0.0)
-    if not kept.any() or _together(found, told, kept):
+    if not kept.any() or _together(found, known, kept):
         return NONE
-    # How large a variance is that few trials tell is in doubt itself (Student).
+    # How large a variance of few trials is, is in doubt itself (Student).
     wider = count / np.maximum(count - 2.0, 1.0)
     excess = np.where(kept, variance * wider - 1.0, 0.0)
     return Wandering(excess, float(gain[kept].sum()))
 
 
-def _together(found: FloatArray, told: np.ndarray, kept: np.ndarray) -> bool:
+def _together(found: FloatArray, known: np.ndarray, kept: np.ndarray) -> bool:
     """Whether the trials' cosines have means that their scatter does not explain."""
-    count = told.sum(axis=0)[kept]
-    mean = np.where(told, found, 0.0).sum(axis=0)[kept] / count
-    total = np.square(np.where(told, found, 0.0)).sum(axis=0)[kept]
+    count = known.sum(axis=0)[kept]
+    mean = np.where(known, found, 0.0).sum(axis=0)[kept] / count
+    total = np.square(np.where(known, found, 0.0)).sum(axis=0)[kept]
     scatter = np.maximum(total - count * mean**2, 1e-300) / (count - 1.0)
     chance = fdtrc(1.0, count - 1.0, count * mean**2 / scatter)
     fisher = -2.0 * float(np.log(np.maximum(chance, 1e-300)).sum())

@@ -137,7 +137,7 @@ def flight_state(forward: Forward, fit: Fit) -> tuple[FlightState, FloatArray]:
     """The balls' states at their rows (T, S), as a fit has them, and their time since touch, s."""
     records = forward.records
     nuisance = spread_laws(forward, fit.model, fit.nuisance, fit.law_offsets)[None]
-    # Two looks at clocks a little apart give the velocity that goes with each row.
+    # Two predictions at clocks a little apart give the velocity that goes with each row.
     step = 1e-4
     predicted = forward.predict([fit.model], nuisance)[0]
     s = records.ball_time.shape[1]
@@ -401,16 +401,16 @@ def remainder_of(prepared: Prepared, best: Hypothesis | None) -> Remainder:
         white = white and probability > 1e-3
     subject = "The baseline's residuals" if best is None else "What remains after the best model"
     verb = "cannot be distinguished from noise" if white else "still holds structure"
-    told = f"{subject} {verb} (chi2 per degree of freedom {reduced:.2f})."
+    text = f"{subject} {verb} (chi2 per degree of freedom {reduced:.2f})."
     if correlated or probability == before == 1.0:
         # Noise that remembers is never white: its p-value would accuse the model of the noise.
-        # Records too short to tell have none.
-        return Remainder(white, told)
+        # Records too short for it have none.
+        return Remainder(white, text)
     if best is None:
-        told += f" Whiteness of the residuals: p = {probability:.1g}."
+        text += f" Whiteness of the residuals: p = {probability:.1g}."
     else:
-        told += f" Whiteness of the residuals: p = {before:.1g} before, {probability:.1g} after."
-    return Remainder(white, told)
+        text += f" Whiteness of the residuals: p = {before:.1g} before, {probability:.1g} after."
+    return Remainder(white, text)
 
 
 def noise_notes(campaign: CampaignRecords, prepared: Prepared) -> tuple[str, ...]:

@@ -26,6 +26,7 @@ from mismatch.fitting.hypotheses import (
     evidence_of_uneven_losses,
     fit_hypothesis,
     group_tolerance,
+    is_distinct,
     is_known,
     least_gain,
     left_by_forms,
@@ -33,7 +34,6 @@ from mismatch.fitting.hypotheses import (
     null_threshold,
     scan_beyond_forms,
     second_effect_share,
-    told_apart,
 )
 from mismatch.fitting.scan import Scan, robust_spread, scan
 from mismatch.forward import Forward
@@ -62,27 +62,27 @@ WEIGHT_SCALE = 2.2
 
 FORM_REACH = 12.0
 
-"""Penalised gain behind its law's best form, by the linear look, from which a form is not refitted:
-odds of one to two hundred, beyond what a refit usually adds."""
+"""Penalised gain behind its law's best form, by the linear score, from which a form is not
+refitted: odds of one to two hundred, beyond what a refit usually adds."""
 
 FORM_SHARE = 0.15
 
-"""Share of its law's gain by which, in strong cases, the linear look may misjudge a form."""
+"""Share of its law's gain by which, in strong cases, the linear score may misjudge a form."""
 
 MISJUDGED = 0.5
 
-"""Share of what the linear look promised of a form below which a law's fits have shown nothing of
+"""Share of what the linear score promised of a form below which a law's fits have shown nothing of
 its other forms; assumed."""
 
 SECOND_FORM_REACH = 4.0
 
-"""Penalised gain behind the best further law, by the linear look, up to which its other forms are
+"""Penalised gain behind the best further law, by the linear score, up to which its other forms are
 fitted."""
 
 MAX_UNNAMED = 6
 
-"""Laws in no catalogue that are tried, and likewise curves, the best by the linear look. Chosen: a
-law that saturates is misjudged by the linear look, and curves would crowd it out."""
+"""Laws in no catalogue that are tried, and likewise curves, the best by the linear score. Chosen:
+a law that saturates is misjudged by the linear score, and curves would crowd it out."""
 
 MAX_CORRECTED = 3
 
@@ -223,17 +223,17 @@ class Naming:
         return found
 
     def nearest(self) -> Mapping[tuple[str, ...], float]:
-        """Allowed sets → evidence, best first; by the linear look alone where none was fitted."""
+        """Allowed sets → evidence, best first; by the linear score alone where none was fitted."""
         pool = self.first_scan.candidates
-        looks = [((pool[at].id,), gain) for gain, at, _ in _best_by_law(self.first_scan)]
+        scored = [((pool[at].id,), gain) for gain, at, _ in _best_by_law(self.first_scan)]
         fitted = [(h.ids, self.height(h)) for h in self.tried if h.allowed]
         found: dict[tuple[str, ...], float] = {}
-        for ids, evidence in fitted or looks:
+        for ids, evidence in fitted or scored:
             found.setdefault(ids, evidence)
         return found
 
     def rivals(self) -> tuple[Hypothesis, ...]:
-        """Answers that the data can't tell from the best one.
+        """Answers that the data cannot distinguish from the best one.
 
         Laws are compared by all their forms together, and by their best forms: what either leaves
         open is not excluded, as far as it belongs to the most probable `CREDIBLE` of all.
@@ -261,7 +261,7 @@ class Naming:
         gaps = {tuple(sorted(h.ids)): behind(h) for h in near}
         credible = _credible(gaps, tolerance) | {tuple(sorted(best.ids))}
         return (
-            *(h for h in alike if tuple(sorted(h.ids)) in credible or not told_apart(best, h)),
+            *(h for h in alike if tuple(sorted(h.ids)) in credible or not is_distinct(best, h)),
             *self._of_other_sizes(best, tolerance),
         )
 
@@ -348,7 +348,7 @@ class Naming:
 
         A drag below none, or air that lifts and does not resist, is no answer; but where it fits
         beyond doubt better than the best allowed one, the truth is not among those that were
-        looked at, or the setup around them is wrong.
+        tried, or the setup around them is wrong.
         """
         best = self.best
         if best is None:
@@ -358,7 +358,7 @@ class Naming:
             h.forbidden
             and len(h.members) <= len(best.members)
             and h.quality > least
-            and told_apart(h, best)
+            and is_distinct(h, best)
             for h in self.tried
         )
 
@@ -415,7 +415,7 @@ def _best_by_law(scored: Scan, anywhere: bool = False) -> list[tuple[float, int,
 
 Ranked: TypeAlias = list[tuple[float, int, FloatArray]]
 
-"""(penalised, candidate, strengths) by the linear look, best first."""
+"""(penalised, candidate, strengths) by the linear score, best first."""
 
 
 def _by_law(ranked: Ranked, candidates: Sequence[Candidate]) -> tuple[Ranked, Ranked]:
@@ -483,7 +483,7 @@ def _other_forms(
 ) -> list[Hypothesis]:
     """Further forms of the laws that compete, refitted.
 
-    A law may also have been misjudged: the linear look is blind to what saturates, and the form
+    A law may also have been misjudged: the linear score is blind to what saturates, and the form
     that it puts first may fit nothing where the plain one fits all.
     """
     lead = max((h.penalised_gain for h in tried if h.allowed), default=-np.inf)
@@ -576,7 +576,7 @@ def name_effects(
 
 
 def _singles(forward: Forward, base: Fit, first: Scan, ranked: Ranked) -> list[Hypothesis]:
-    """Laws alone, the best by the linear look, those that compete fitted to their end."""
+    """Laws alone, the best by the linear score, those that compete fitted to their end."""
     share = -np.inf if forward.mode == "swing" else 0.4
     first_of_each, others = _by_law(ranked, first.candidates)
     listed = _shortlist(first_of_each, MAX_SINGLES, share)
@@ -602,7 +602,7 @@ def _one_more(
 ) -> tuple[Hypothesis | None, Hypothesis]:
     """A set of some size that goes before the best smaller one, and the best smaller one.
 
-    What is fitted on the way joins those `tried`.
+    What is fitted in between joins those `tried`.
     """
     swinging = forward.mode == "swing"
     grown = _grow(forward, base, effects, tried, size, threshold, first)
@@ -691,7 +691,7 @@ def _steady(forward: Forward, best: Hypothesis, tried: Sequence[Hypothesis]) -> 
     """The answer without what is lost in the scatter of trials, where no law fits to the noise.
 
     A fault that differs from trial to trial leaves a misfit in which something of any law can be
-    found; what then is real pulls all trials the same way.
+    found; what then is real pulls all trials in one direction.
     """
     if best.reduced_chi2 < POOR_FIT:
         return best
@@ -751,7 +751,7 @@ def _one_throw(forward: Forward) -> bool:
 def _supported(forward: Forward, larger: Hypothesis, smaller: Hypothesis, threshold: float) -> bool:
     more = larger.penalised_gain - smaller.penalised_gain
     if is_known(larger.members[-1].effect):
-        # By the laws as they are: loose forms would say the same in another way.
+        # By the laws as they are: loose forms would explain the same.
         return larger.gain - smaller.gain > KNOWN_GAIN * larger.reduced_chi2
     threshold = threshold * larger.reduced_chi2
     left = smaller.fit.chi2 - smaller.fit.expected
@@ -789,7 +789,7 @@ def _best_allowed(forward: Forward, hypotheses: Sequence[Hypothesis]) -> Hypothe
         # Where no law fits to the noise, the least penalised of those that fit alike goes first.
         alike = [h for h in allowed if not h.has_unnamed and len(h.ids) == len(best.ids)]
         best = min(
-            (h for h in alike if h is best or not told_apart(best, h)),
+            (h for h in alike if h is best or not is_distinct(best, h)),
             key=lambda h: h.prior_penalty + sum(member.complexity_penalty for member in h.members),
         )
     if best is None or not best.has_unnamed:
@@ -800,7 +800,7 @@ def _best_allowed(forward: Forward, hypotheses: Sequence[Hypothesis]) -> Hypothe
     if second is None:
         return best
     near = second.penalised_gain >= best.penalised_gain - group_tolerance(best)
-    if near or not told_apart(best, second) or not _beyond_losses(forward, best, second):
+    if near or not is_distinct(best, second) or not _beyond_losses(forward, best, second):
         return second
     return best
 
@@ -871,7 +871,7 @@ def _grow(
         strained = number == 0 and seed.form.gain > threshold
         if strained and not _worth_a_fit(forward, seed, pool, ranked, threshold):
             # What errors of form take up at that size may as well be a law of its own: both are
-            # fitted, and their evidence tells.
+            # fitted, and their evidence decides.
             exact = scan(forward, seed.fit, pool)
             ranked = _best_by_law(exact, forward.mode == "swing")
         known = _known_that_show(forward, seed, pool)
@@ -879,9 +879,9 @@ def _grow(
             ranked = [*known, *ranked]
         elif forward.mode != "swing":
             ranked = [one for one in ranked if not is_known(pool[one[1]].effect)]
-        # Far off the noise the linear look says little of a swing.
-        tells = bool(known) or (swinging and (size == 2 or seed.reduced_chi2 >= POOR_FIT))
-        if not tells and not _worth_a_fit(forward, seed, pool, ranked, threshold):
+        # Far off the noise the linear score means little for a swing.
+        is_worth_it = bool(known) or (swinging and (size == 2 or seed.reduced_chi2 >= POOR_FIT))
+        if not is_worth_it and not _worth_a_fit(forward, seed, pool, ranked, threshold):
             idle = number == 0 and seed is foremost and ranked and ranked[0][0] < threshold
             if idle and not strained:
                 # The best smaller set leaves nothing to explain: a larger one would be idle, but
@@ -893,7 +893,7 @@ def _grow(
             continue
         share = -np.inf if forward.mode == "swing" else 0.6
         first_of_each, others = _by_law(ranked, pool)
-        # Far off the noise the linear look tells the forms of a law less surely apart.
+        # Far off the noise the linear score distinguishes the forms of a law less surely.
         near = SECOND_FORM_REACH
         if seed.reduced_chi2 >= POOR_FIT:
             near = max(near, FORM_SHARE * ranked[0][0])
@@ -910,7 +910,7 @@ def _grow(
 def _two_instead(first: Scan, best: Hypothesis) -> list[tuple[list[Candidate], list[FloatArray]]]:
     """Pairs of other names, with strengths, that together promise what the best has alone.
 
-    One law may do by chance what two did. The look is the linear one around the baseline.
+    One law may do by chance what two did. Scored to first order around the baseline.
     """
     leading = [
         (gain, at) for gain, at, _ in _by_law(_best_by_law(first), first.candidates)[0]
@@ -1051,7 +1051,7 @@ def _in_best_forms(
 ) -> tuple[Hypothesis, Hypothesis]:
     """A set in the forms that fit best together, and the best smaller one in those forms.
 
-    What is fitted on the way joins those `tried`.
+    What is fitted in between joins those `tried`.
     """
     others = _in_other_forms(forward, base, effects, larger)
     tried.extend(others)
@@ -1059,7 +1059,7 @@ def _in_best_forms(
     if forward.mode == "swing" or (found is larger and len(found.members) < MAX_EFFECTS):
         return found, best
     # A law may have been taken in for what another form of its fellow says, or for what a fellow
-    # explains that came after it: sets grow one by one, and not every pair was fitted on the way.
+    # explains that came after it: sets grow one by one, and not every pair was fitted in between.
     smaller = _without_each(forward, base, found)
     tried.extend(smaller)
     return found, _best_allowed(forward, [best, *smaller]) or best
@@ -1236,8 +1236,8 @@ def missing_force(forward: Forward, base: Fit, hats: int = 12) -> tuple[LatentFo
         end = float(np.median(forward.flight_time))
         middles = np.linspace(0.0, end, hats)
         both = [
-            replace(_Hat(), form=way, middle=float(m), width=end / (hats - 1))
-            for way in ("horizontal", "vertical")
+            replace(_Hat(), form=direction, middle=float(m), width=end / (hats - 1))
+            for direction in ("horizontal", "vertical")
             for m in middles
         ]
         found += _posterior(forward, base, both, middles, ("horizontal", "vertical"))

@@ -220,9 +220,9 @@ class Magnet(UnnamedLaw):
 
 @dataclass(frozen=True)
 class Bump(UnnamedLaw):
-    """A force in a stretch of the way, whatever the height."""
+    """A force in a stretch of the path, whatever the height."""
 
-    statement: str = "A force in a stretch of the way."
+    statement: str = "A force in a stretch of the path."
     law: str = r"F = F_0\,e^{-(x - x_0)^2/2w^2}"
     parameters: tuple[Parameter, ...] = (
         _strength(),
@@ -243,7 +243,7 @@ class Bump(UnnamedLaw):
 class Pull(Bump):
     """A force along the way that turns its sign at a place: a pull towards it or a push away."""
 
-    statement: str = "A force towards a place on the way, within a short reach of it."
+    statement: str = "A force towards a place on the path, within a short distance of it."
     law: str = r"F = F_0\,q\,e^{-q^2/2},\quad q = (x_0 - x)/w"
     form: str = "horizontal"
 
@@ -408,14 +408,14 @@ def _normal_power() -> SpeedPower:
 
 def unnamed_laws(mode: str) -> tuple[Effect, ...]:
     """Every law that makes sense for a campaign of that mode."""
-    ways = ("horizontal", "vertical")
+    directions = ("horizontal", "vertical")
     flight: tuple[Effect, ...] = (
         SpeedPower(),
         _normal_power(),
-        *(Gust(form=way) for way in ways),
-        *(PeriodicForce(form=way) for way in ways),
-        *(NearFloor(form=way) for way in ways),
-        *(Bump(form=way) for way in ways),
+        *(Gust(form=one) for one in directions),
+        *(PeriodicForce(form=one) for one in directions),
+        *(NearFloor(form=one) for one in directions),
+        *(Bump(form=one) for one in directions),
         Magnet(),
         Pull(),
         Gust(form="out_of_plane", axes=3),
@@ -478,7 +478,7 @@ LOOKS = 3.0
 
 WORDS = {
     Coordinate.TIME: "the time since release",
-    Coordinate.PLACE: "the place along the way",
+    Coordinate.PLACE: "the place along the path",
     Coordinate.HEIGHT: "the height",
     Coordinate.SPEED: "the speed",
     Coordinate.DIRECTION: "the direction of flight above the horizontal",
@@ -523,7 +523,7 @@ class SmoothCurve(Effect):
     ----------
     low, high : float
         Range of the coordinate, where the first and last spline have their middle.
-    looks : float
+    search_cost : float
         Chi-square units that finding it costs beyond the evidence.
     """
 
@@ -537,7 +537,7 @@ class SmoothCurve(Effect):
     sharp: bool = False
     low: float = 0.0
     high: float = 1.0
-    looks: float = LOOKS
+    search_cost: float = LOOKS
 
     def size(self, values: Values, place: Number) -> FloatArray:
         """The curve itself, in the unit of its weights, at values of the coordinate."""
@@ -655,7 +655,7 @@ class Drift(SmoothCurve):
 
 @dataclass(frozen=True)
 class ReadingCurve(SmoothCurve):
-    """An angle that is read off by a smooth function of itself, whichever way the body moves."""
+    """An angle that is read off by a smooth function of itself, whatever the body's direction."""
 
     statement: str = "The angle is read off by an error that depends on the angle itself."
     law: str = r"\varphi_{rec} = \varphi + \sum_k c_k B_k(\varphi)"
@@ -672,19 +672,19 @@ class ReadingCurve(SmoothCurve):
 
 @dataclass(frozen=True)
 class PictureCurve(SmoothCurve):
-    """A place that is read off by a smooth function of itself, whichever way the ball moves."""
+    """A place that is read off by a smooth function of itself, whatever the ball's direction."""
 
     statement: str = "The ball's place is read off by an error that depends on the place itself."
     law: str = r"\mathbf r_{rec} = \mathbf r + \mathbf e \sum_k c_k B_k(\mathbf r)"
     phase: Phase = "measurement"
     parameters: tuple[Parameter, ...] = _weights("error", "m", PICTURE_WIDTH)
-    form: str = "reading along the way"
+    form: str = "reading along the path"
     separating: str = "a ruler at several places in view, or the same flight elsewhere in view"
     coordinate: Coordinate = Coordinate.PLACE
     planar: bool = True
 
     def image(self, values: Values, view: CameraView) -> Vector:
-        """The place plus the curve, along the way or up."""
+        """The place plus the curve, along the path or up."""
         off = self.size(values, view.x if self.coordinate is Coordinate.PLACE else view.y)
         if self.form == "reading of the height":
             return view.x, view.y + off, view.z
@@ -724,25 +724,25 @@ FIELDS = (
     (Coordinate.DIRECTION, ("along_velocity", "normal_to_velocity")),
 )
 
-"""Coordinates of a flight, and the directions that a force along each is looked for in."""
+"""Coordinates of a flight, and the directions that a force along each is searched in."""
 
 
 def _forces(forward: Forward) -> list[SmoothCurve]:
     seen = np.atleast_1d(forward.records.ball_used.any(axis=(0, 1)))
     found: list[SmoothCurve] = []
-    for coordinate, ways in FIELDS:
+    for coordinate, directions in FIELDS:
         if not seen[1] or (coordinate is not Coordinate.HEIGHT and not seen[0]):
-            # A record of heights alone tells a force by its height alone.
+            # A record of heights alone determines a force over height alone.
             continue
         low, high = forward.flight_span(coordinate)
         said = (
             f"A force that changes with {WORDS[coordinate]}, as a curve that no simple law gives."
         )
         found += [
-            Field(form=way, coordinate=coordinate, low=low, high=max(high, low + 1e-3),
+            Field(form=one, coordinate=coordinate, low=low, high=max(high, low + 1e-3),
                   statement=said)
-            for way in ways
-            if (seen[0] or way != ways[0]) and (seen[2] or way != "out_of_plane")
+            for one in directions
+            if (seen[0] or one != directions[0]) and (seen[2] or one != "out_of_plane")
         ]  # fmt: skip
     return found
 
@@ -801,13 +801,13 @@ def _readings(forward: Forward) -> tuple[SmoothCurve, ...]:
 def _places_and_times(forward: Forward) -> list[SmoothCurve]:
     """Errors of reading a ball's place by the place, and its time by the time."""
     seen = np.atleast_1d(forward.records.ball_used.any(axis=(0, 1)))
-    ways = [("reading along the way", seen[0]), ("reading of the height", seen[1])]
+    readings = [("reading along the path", seen[0]), ("reading of the height", seen[1])]
     found: list[SmoothCurve] = []
     for coordinate, known in ((Coordinate.PLACE, seen[0]), (Coordinate.HEIGHT, seen[1])):
         low, high = forward.flight_span(coordinate)
         found += [
             PictureCurve(form=form, coordinate=coordinate, low=low, high=max(high, low + 1e-3))
-            for form, read in ways
+            for form, read in readings
             if read and known
         ]
     low, high = forward.flight_span(Coordinate.TIME)

@@ -360,7 +360,7 @@ def test_sets_of_other_sizes_stand_in_the_group_of_what_they_replace():
 
 def test_instants_chosen_in_each_trial_are_doubted_where_choosing_them_is_the_gain():
     """A careful laboratory had dropped_frames 0.82: a twentieth of a frame in each trial."""
-    jump = DroppedInEach(instants=(0.1, 0.2, 0.1, 0.3), looks=100.0)
+    jump = DroppedInEach(instants=(0.1, 0.2, 0.1, 0.3), search_cost=100.0)
     law = replace(_answer(("magnus",), 114.0), members=(Candidate(jump, (), 1),))
     forward = SimpleNamespace(records=SimpleNamespace(remembers=False, tell_memory=True))
     assert _own_like_noise(forward, law)

@@ -165,7 +165,7 @@ def test_the_search_for_a_jump_in_each_trial_has_a_cost():
     jumps = dropped_in_each(prepared.forward, prepared.fit)
     # The best instants of a campaign without jumps gain tens of chi-square by the search alone.
     assert len(jumps.instants) == 8
-    assert jumps.looks > 10.0
+    assert jumps.search_cost > 10.0
 
 
 def test_a_gap_of_a_fraction_of_a_frame_pays_for_being_rare(monkeypatch):
@@ -178,7 +178,7 @@ def test_a_gap_of_a_fraction_of_a_frame_pays_for_being_rare(monkeypatch):
         monkeypatch.setattr(sanity, "UNCATALOGUED", 0.0)
         without = dropped_in_each(prepared.forward, prepared.fit)
         monkeypatch.undo()
-        return with_price.looks - without.looks
+        return with_price.search_cost - without.search_cost
 
     assert paid(0.2 / 600.0) == pytest.approx(6.0)
     assert paid(2.0 / 600.0) == pytest.approx(0.0)

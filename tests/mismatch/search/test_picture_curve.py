@@ -43,7 +43,7 @@ class HumpedClock(Effect):
 @pytest.mark.parametrize(
     ("fault", "size", "channel"),
     [
-        pytest.param(BentRuler(), {"a": 0.004}, "reading along the way", id="ruler"),
+        pytest.param(BentRuler(), {"a": 0.004}, "reading along the path", id="ruler"),
         pytest.param(HumpedClock(), {"a": 0.002}, "reading of the time", id="clock"),
     ],
 )
