@@ -58,15 +58,11 @@ SOURCE = "fitted to this campaign"
 
 def _along(direction: str, strength: FloatArray, flight: FlightState) -> Vector:
     """A force of given strength along a named direction."""
-    if direction == "horizontal":
-        nothing = np.zeros_like(strength)
-        return strength + 0.0 * np.asarray(flight.vx), nothing, nothing
-    if direction == "vertical":
-        nothing = np.zeros_like(strength)
-        return nothing, strength + 0.0 * np.asarray(flight.vx), nothing
-    if direction == "out_of_plane":
-        nothing = np.zeros_like(strength)
-        return nothing, nothing, strength + 0.0 * np.asarray(flight.vx)
+    axes = ("horizontal", "vertical", "out_of_plane")
+    if direction in axes:
+        size = strength + 0.0 * np.asarray(flight.vx)
+        x, y, z = (size if direction == one else np.zeros_like(size) for one in axes)
+        return x, y, z
     k = strength / np.maximum(flight.speed, 1e-6)
     if direction == "along_velocity":
         return k * flight.vx, k * flight.vy, k * flight.vz
@@ -241,7 +237,7 @@ class Bump(UnnamedLaw):
 
 @dataclass(frozen=True)
 class Pull(Bump):
-    """A force along the way that turns its sign at a place: a pull towards it or a push away."""
+    """A force along the path that turns its sign at a place: a pull towards it or a push away."""
 
     statement: str = "A force towards a place on the path, within a short distance of it."
     law: str = r"F = F_0\,q\,e^{-q^2/2},\quad q = (x_0 - x)/w"
