@@ -1,4 +1,4 @@
-"""Concealed runs: interruption, resumption and the filmed campaigns."""
+"""Concealed runs: interruption and resumption."""
 
 import json
 import subprocess
@@ -8,12 +8,8 @@ import time
 import pytest
 
 from bench.concealed.__main__ import Shelf, _answered, _options
-from bench.concealed.answer import Answer, Named
-from bench.concealed.filmed.pixels import right
-from bench.concealed.filmed.scenes import FILMED, setup_text, takes
 from bench.concealed.run import Stop, run_until
 from bench.concealed.world.draw import draw_campaign
-from measuring.setup.file import read_setup
 
 
 def _double(task):
@@ -47,26 +43,6 @@ def test_an_interrupted_run_returns_its_answers():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert 1 <= int(done.stdout) < 100
-
-
-def test_filmed_campaigns_differ_only_in_the_concealed_effect():
-    setups = {filmed.name: read_setup(setup_text(filmed)) for filmed in FILMED}
-    assert {s.camera.capture_fps for s in setups.values()} == {600.0}
-    assert setups["tilt"].wall.grid is None
-    rate = next(filmed for filmed in FILMED if filmed.name == "rate")
-    first = takes(rate)[0]()
-    assert first.scene.shutter.fps == rate.fps
-    assert first.backswing_deg == 45.0
-
-
-def test_filmed_answers_are_scored_by_name_or_group():
-    spin = next(filmed for filmed in FILMED if filmed.name == "spin")
-    none = FILMED[0]
-    group = (frozenset({"magnus", "buoyancy"}),)
-    assert right(spin, Answer("ambiguous", (Named("buoyancy", 0.5, {}),), group))
-    assert not right(spin, Answer("explained", (Named("drag", 0.9, {}),)))
-    assert right(none, Answer("no_mismatch"))
-    assert not right(none, Answer("failed", failure="why"))
 
 
 @pytest.mark.slow

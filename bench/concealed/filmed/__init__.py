@@ -1,1 +1,0 @@
-"""Concealed campaigns rendered as clips, measured and explained."""
