@@ -28,7 +28,6 @@ class Way:
 
     Attributes
     ----------
-    name : str
     change : callable
         Maps the frames to altered frames.
     before, after : int

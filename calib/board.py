@@ -125,7 +125,6 @@ def find_board(image: GrayImage, board: Board, name: str = "") -> BoardView | No
     Parameters
     ----------
     image : (H, W) uint8 array
-    board : Board
     name : str
         Name of the picture.
 

@@ -122,7 +122,6 @@ class Calibration:
         False where the ball plane offset rests on a broad prior only.
     chi2_per_dof : float
         Of the grid's nodes about the fitted camera.
-    warnings : tuple of str
     """
 
     lens: Lens
@@ -452,8 +451,6 @@ class Evidence:
         Intersection of the optical axis with the wall, world coordinates, m.
     ball_plane_offset : Known or None
         Measured distance of the ball plane from the wall, m.
-    outlines : BallOutlines or None
-    fall : FreeFall or None
     pitch_relative_std : float
         Standard uncertainty of the grid's pitch over the pitch; not 0.
     """

@@ -721,7 +721,6 @@ def _renumbered(
 
     Parameters
     ----------
-    current : GridMap
     samples : _Samples
         At N pixels.
     label : (N,) int array
@@ -829,7 +828,6 @@ def refitted(current: GridMap, px: FloatArray, shift: FloatArray, weight: FloatA
 
     Parameters
     ----------
-    current : GridMap
     px : (N, 2) array
         Positions.
     shift : (N, 2) array
@@ -1555,10 +1553,6 @@ def find_wall_grid(
         Distance between coarse lines, m.
     fine_pitch_m : float or None
         Distance between fine lines, m; None if there are none.
-
-    Returns
-    -------
-    WallGrid
 
     Raises
     ------

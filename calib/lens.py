@@ -119,7 +119,6 @@ class BoardFit:
 
     Attributes
     ----------
-    model : LensModel
     lens : (4 + coefficients,) array
         fx, fy, cx, cy, then the coefficients in OpenCV's order.
     covariance : array
@@ -203,8 +202,6 @@ def fit_boards(
 
     Parameters
     ----------
-    views : sequence of BoardView
-    model : LensModel
     start : BoardFit, optional
         A fit to the same views, with this or a simpler model; without it OpenCV's own fit.
     """
@@ -423,7 +420,6 @@ def prior_of(lens: Lens, covariance: FloatArray, seen_px: FloatArray) -> LensPri
 
     Parameters
     ----------
-    lens : Lens
     covariance : (P, P) array
         Of fx, fy, cx, cy and the distortion coefficients in OpenCV's order.
     seen_px : (N, 2) array
@@ -603,7 +599,6 @@ def lens_yaml(prior: LensPrior, name: str = "camera") -> str:
 
     Parameters
     ----------
-    prior : LensPrior
     name : str
         Name of the camera, which ROS requires.
     """
@@ -669,7 +664,6 @@ class LensCalibration:
 
     Attributes
     ----------
-    lens : Lens
     std : dict of str to float
         Standard uncertainty of each parameter, by its name in `Lens`.
     prior : LensPrior
@@ -686,7 +680,6 @@ class LensCalibration:
         Fraction of the picture covered by corners.
     model : str
         The simplest model with about the lowest held-out error.
-    warnings : tuple of str
     """
 
     lens: Lens
@@ -708,10 +701,6 @@ def calibrate_lens(views: Sequence[BoardView | None]) -> LensCalibration:
     ----------
     views : sequence of BoardView or None
         None for pictures in which no board was found.
-
-    Returns
-    -------
-    LensCalibration
 
     Raises
     ------
@@ -905,7 +894,6 @@ def read_lens(path: Path, *, width: int | None = None, height: int | None = None
 
     Parameters
     ----------
-    path : Path
     width, height : int, optional
         Size of the clip's picture; the lens is scaled to it. The clip must show the whole picture.
 

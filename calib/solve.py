@@ -146,10 +146,6 @@ def calibrate(
     lens : LensPrior, optional
         Lens known beforehand; without it the lens comes from the grid's straight lines.
 
-    Returns
-    -------
-    Calibration
-
     Raises
     ------
     CalibrationError
@@ -205,8 +201,6 @@ class _ReweightedFit:
 
     Attributes
     ----------
-    fitted : Calibration
-    sources : tuple of Source
     blocks : dict of UncertaintySource to callable
         As weighted.
     chi2 : float
@@ -710,11 +704,8 @@ class Solved:
 
     Attributes
     ----------
-    calibration : Calibration
-    grid : WallGrid
     evidence : Evidence
         Without a fall used in addition.
-    lens : LensPrior or None
     contradiction : str or None
         Message if a fall contradicts everything else; the fall is not used then.
     """
@@ -778,10 +769,6 @@ def solve(
     see_fall : callable, optional
         Returns the fall measured by a calibration, or None; called if no measured distance gives
         the scale.
-
-    Returns
-    -------
-    Solved
 
     Raises
     ------
@@ -914,7 +901,6 @@ def edge_std(
 
     Parameters
     ----------
-    noise : PictureNoise
     radius_px : (...) array
         Radius of the disc, px.
     way_px : (...) array

@@ -319,10 +319,8 @@ class _Swung:
 
     Attributes
     ----------
-    view : ImpactView
     rest : (2,) array
         Of the ball, m.
-    inputs : Inputs
     phi_before, phi_after : float
         Angle at onset and release, rad.
     omega_before, omega_after : float
@@ -525,8 +523,6 @@ class ClipConditions:
 
     Attributes
     ----------
-    inputs : Inputs
-    rate : CaptureRate
     calibration : Calibration or None
         None if the scale comes from the ball's size.
     scale : float
@@ -618,7 +614,6 @@ def values_after_move(
         The same frames, in metres and seconds after the change.
     inputs : Inputs
         After the change.
-    propagation : Propagation
     names : container of str
         Requested values.
 
@@ -848,7 +843,6 @@ class JointCovariance:
 
     Attributes
     ----------
-    names : tuple of str
     covariance : (N, N) array
         In their units; the diagonal holds the squares of their std.
     """
@@ -867,7 +861,6 @@ def joint_covariance(
 
     Parameters
     ----------
-    quantities : sequence of Quantity
     random : (Q, Q) array
         Covariance of the derived values from the tracks' noise.
     systematic : dict

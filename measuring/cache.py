@@ -54,7 +54,6 @@ class Cache:
     ----------
     folder : Path or None
         None disables the cache.
-    limit_bytes : int
     """
 
     folder: Path | None

@@ -163,7 +163,6 @@ class FollowedTracks:
 
     Attributes
     ----------
-    tracks : Tracks
     clock : (F,) array
         Mid-exposure time of every frame, in frames of the camera.
     info : ClipInfo
@@ -185,7 +184,6 @@ def tracked_once(
 
     Parameters
     ----------
-    clip : ClipReader
     capture_fps : float
         Frame rate used for tracking, 1/s.
     options : MeasureOptions
@@ -263,7 +261,6 @@ class FollowedClip:
         Mid-exposure time of every frame of the clip, in frames of the camera.
     rate : CaptureRate
         As given or assumed.
-    inputs : Inputs
     scale_m_per_px : (2,) tuple of float or None
         Scale in the plane of motion with its standard uncertainty, if given.
     """
@@ -287,10 +284,6 @@ class FittedClip:
     ----------
     followed : FollowedClip
         On the final clock.
-    wall : WallScene
-    scene : ClipConditions
-    metric : MetricTracks or None
-    impact : Impact or None
     refusal : str
         Why there is no impact.
     """
@@ -309,13 +302,8 @@ class Found:
 
     Attributes
     ----------
-    results : Results
     rate : CaptureRate
         As given, or estimated from free fall.
-    evaluated : Evaluated
-    calibration : Calibration or None
-    grid : WallGrid or None
-    warnings : tuple of str
     assumed : tuple of Assumption
         What is assumed since it was not given.
     plane : PlaneMapping or None
@@ -462,8 +450,6 @@ def measurement_of(
 
     Parameters
     ----------
-    info : ClipInfo
-    followed : FollowedClip
     found : Found
         From `followed`.
     warnings : sequence of str
@@ -519,7 +505,6 @@ def measure_tracks(
 
     Parameters
     ----------
-    followed : FollowedClip
     progress : callable, optional
         Called with the name of the step and its completed fraction.
     propagation : Propagation
@@ -535,7 +520,6 @@ def fitted_once(
 
     Parameters
     ----------
-    clip : ClipReader
     options : MeasureOptions
         The quantities asked for do not affect the fits.
     fit : callable
@@ -563,7 +547,6 @@ def fit_tracks(
 
     Parameters
     ----------
-    followed : FollowedClip
     progress : callable, optional
         Called with the name of the step and its completed fraction.
     kept : KeptResults, optional
@@ -611,7 +594,6 @@ def quantities_of(
 
     Parameters
     ----------
-    fitted : FittedClip
     progress : callable, optional
         Called with the name of the step and its completed fraction.
     propagation : Propagation

@@ -134,8 +134,6 @@ class Check:
 
     Attributes
     ----------
-    kind : CheckKind
-    outcome : CheckOutcome
     statement : str
         The outcome in a sentence, with its numbers.
     power : float or None
@@ -258,7 +256,6 @@ def eq7_gravity_excess(
 
     Parameters
     ----------
-    body : Pendulum
     ball_mass : float
         kg.
     angle : float
@@ -284,7 +281,6 @@ class SpeedComparison:
 
     Attributes
     ----------
-    check : Check
     flight_difference : float
         Displacement per frame against the fit, relevant to the flight; 0 if they agree.
     pendulum_difference : float
@@ -304,7 +300,6 @@ def contact_contradiction(speeds: SpeedComparison, bound: Check | None) -> Contr
 
     Parameters
     ----------
-    speeds : SpeedComparison
     bound : Check or None
         Check of the contact time against its upper bound.
     """
@@ -384,7 +379,6 @@ class CheckResult:
 
     Attributes
     ----------
-    check : Check
     contradictions : tuple of Contradiction
         Empty if the check passed.
     """

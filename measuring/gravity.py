@@ -198,7 +198,6 @@ def scale_std(scene: ClipConditions, tracks: Tracks) -> float:
 
     Parameters
     ----------
-    scene : ClipConditions
     tracks : Tracks
         In pixels.
     """

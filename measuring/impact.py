@@ -1057,12 +1057,10 @@ class Impact:
         The same with gravity fitted.
     view, contact : ImpactView and ContactFit, or None
         None without a pendulum, or if it is not tracked on both sides; `reason` says why.
-    reason : str
     last_flight_s : float
         Last frame of the flight that is in view, s.
     landing : LandingSeen or None
         Touch-down from the frames around it alone; otherwise `landing_reason` says why not.
-    landing_reason : str
     """
 
     tracks: MetricTracks

@@ -62,7 +62,6 @@ class Inputs:
         The given one, or that of the paper.
     fall : float or None
         Height of fall from rest to landing (height of the support), m.
-    air : Air
     gravity : float
         m/s².
     grid_pitch, fine_pitch : float

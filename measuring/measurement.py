@@ -112,16 +112,12 @@ class ClipMeasurement:
 
     Attributes
     ----------
-    info : ClipInfo
-    rate : CaptureRate
     quantities : tuple of Quantity
         In the order of `QUANTITY_UNITS`; missing ones carry a reason.
     other_speeds : tuple of Quantity
         The ball's speed by the paper's methods: per frame (Fig. 18), from the pendulum (Eq. 7).
     gravity : Quantity
         Free-fall acceleration of the flight, the check of rate and scale.
-    checks : tuple of Check
-    warnings : tuple of str
     tracks : Tracks
         In pixels.
     grid : WallGrid or None

@@ -285,7 +285,6 @@ def ball_scale(
     ----------
     tracks : Tracks
         In pixels.
-    lens : AssumedLens
     diameter : float
         Of the ball, m.
     metres_per_px : float, optional

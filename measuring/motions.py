@@ -288,7 +288,6 @@ def fit_free_flight(
     ----------
     path : FlightFrames
         Any unit of length and time.
-    priors : FreeFlightPriors
     whole : bool
         Whether all frames are fitted, instead of those alone that fit one parabola.
 
@@ -521,7 +520,6 @@ class Collision:
     ----------
     time : float
         Time of the collision, in the unit of the tracks.
-    before, after, other_before, other_after : Passage
     cor, cor_std : float
         Separation speed over approach speed along the line of centres.
     momentum_change : float
@@ -829,10 +827,8 @@ class PlaneScale:
 
     Attributes
     ----------
-    metres_per_px : float
     relative_std : float
         Relative standard uncertainty.
-    source : UncertaintySource
     """
 
     metres_per_px: float
@@ -1203,7 +1199,6 @@ class _Lines:
 
     Attributes
     ----------
-    flight : FreeFlight
     apart : tuple of (source, (3,) array)
         Change of the three with each step of the mapping.
     """

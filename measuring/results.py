@@ -165,9 +165,6 @@ class Evaluated:
 
     Attributes
     ----------
-    scene : ClipConditions
-    metric : MetricTracks or None
-    impact : Impact or None
     values : (Q,) array
         In the order of `DERIVED`.
         In the order of `DERIVED`.

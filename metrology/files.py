@@ -57,7 +57,6 @@ def read_small_text(
 
     Parameters
     ----------
-    path : Path
     what : str
         Description for the message: "the setup file".
     hint : str
@@ -106,7 +105,6 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
 
     Parameters
     ----------
-    text : str
     name : str
         Name of the file in a message.
 
@@ -231,10 +229,6 @@ def write_each(writers: Iterable[Callable[[], None]]) -> None:
 
 def refuse_unwritable(path: Path) -> None:
     """Raise if a file can't be written, before its content is computed.
-
-    Parameters
-    ----------
-    path : Path
 
     Raises
     ------

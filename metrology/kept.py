@@ -28,7 +28,6 @@ class KeptResults:
 
         Parameters
         ----------
-        step : str
         inputs : object
             Numbers, names, arrays and dataclasses of them, compared by content.
         compute : callable

@@ -114,10 +114,6 @@ def fit(
         Whether `residuals` also maps stacks of parameters (K, P) to (K, N), so that a Jacobian
         needs one call.
 
-    Returns
-    -------
-    Fitted
-
     Raises
     ------
     NoFitError
@@ -282,7 +278,6 @@ class Downhill(Generic[Step]):
 
     Attributes
     ----------
-    cost : float
     step : object
         The Gauss-Newton step.
     gain : float
@@ -355,7 +350,6 @@ def descend(
 
     Parameters
     ----------
-    start : object
     looking : callable
         State to its cost and step.
     moved : callable
@@ -364,7 +358,6 @@ def descend(
         Cost of a state, with the weights of the step; NaN is rejected.
     settled : callable
         Whether a step with its new cost was the last.
-    most_steps : int
     """
     place = start
     for _ in range(most_steps):

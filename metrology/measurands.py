@@ -104,10 +104,6 @@ def parse_quantity(text: str | float, unit: str) -> float:
     unit : str
         The unit wanted, as pint spells it ("m", "kg/m^3", "rad").
 
-    Returns
-    -------
-    float
-
     Raises
     ------
     UnitError
@@ -299,8 +295,6 @@ def read_number(typed: str | float, what: Measurand, place: str = "") -> float:
 
     Parameters
     ----------
-    typed : str or float
-    what : Measurand
     place : str
         The option (``--fps``), for the message.
 
@@ -336,8 +330,6 @@ def read_given(typed: str | float, what: Measurand, place: str = "") -> Given:
 
     Parameters
     ----------
-    typed : str or float
-    what : Measurand
     place : str
         The option (``--fps``), for the message.
 

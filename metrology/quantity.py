@@ -196,16 +196,7 @@ _MIN_PLAIN, _MAX_PLAIN = 1e-4, 1e6
 
 
 def format_quantity(quantity: Quantity) -> str:
-    """Format a quantity: ``"6.361 ± 0.012 m/s"``, or why there is none.
-
-    Parameters
-    ----------
-    quantity : Quantity
-
-    Returns
-    -------
-    str
-    """
+    """Format a quantity: ``"6.361 ± 0.012 m/s"``, or why there is none."""
     if quantity.value is None:
         return f"not measured: {quantity.reason}" if quantity.reason else "not measured"
     return format_value(quantity.value, quantity.std, quantity.unit)
@@ -237,7 +228,6 @@ def format_pair(value: float, std: float | None) -> tuple[str, str | None]:
 
     Parameters
     ----------
-    value : float
     std : float or None
         Standard uncertainty; without one (or with zero) the value gets six digits.
 

@@ -268,7 +268,6 @@ class DragCurve:
 
     Attributes
     ----------
-    name : str
     low : float or None
         Level below the crisis.
     high, rise : float
@@ -405,12 +404,10 @@ class LiftTable:
 
     Attributes
     ----------
-    name : str
     spin_parameter, lift : tuple of float
         Sp = ω R / v and C_L.
     valid_reynolds : (2,) tuple of float
         Reynolds numbers of the data; C_L hardly depends on Re within them.
-    source : str
     confirmed : bool
         As in `DragCurve`.
     """

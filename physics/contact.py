@@ -224,7 +224,6 @@ class ContactScene:
         ----------
         state : seven floats or arrays
             rad, rad/s, m, m, m/s, m/s, rad/s (spin about z, counter-clockwise positive).
-        law : HuntCrossley
         resting : bool or bool array
             Whether the ball sits on its support, which can push but not pull.
 
@@ -466,7 +465,6 @@ def calibrate_contacts(
 
     Parameters
     ----------
-    scene : ContactScene
     impact_speed, cor, contact_time : (N,) array
         m/s, 1, s.
     exponent : float
@@ -643,17 +641,12 @@ def calibrate_contact(
 
     Parameters
     ----------
-    scene : ContactScene
     impact_speed, cor, contact_time : float
         m/s, 1, s.
     exponent : float
         n of the force k δⁿ (1 + c δ̇).
     friction : float
         Coulomb coefficient of the face.
-
-    Returns
-    -------
-    HuntCrossley
 
     Raises
     ------
@@ -708,10 +701,6 @@ def simulate_contact(
         Use this law instead of calibrating one.
     samples : int
         Rows of the history.
-
-    Returns
-    -------
-    ContactHistory
 
     Raises
     ------
@@ -835,7 +824,6 @@ class ImpulsiveImpact:
     ----------
     speed_before : float or array
         Pendulum at the contact point, v_M⁰, m/s.
-    cor : float or array
     impulse : float or array
         On the ball, N s (Eq. 9).
     ball_speed : float or array
@@ -876,10 +864,6 @@ def impact(
         In (0, 1].
     speed : float or array
         Of the pendulum's contact point before, m/s.
-
-    Returns
-    -------
-    ImpulsiveImpact
 
     Raises
     ------

@@ -204,12 +204,10 @@ class CorLawFit:
 
     Attributes
     ----------
-    law : LawKind
     parameters : dict of str to Estimate
         As `LAW_PARAMETERS`; b in s/m, k in s/m.
     covariance : (P, P) array
         Of the parameters, in that order, in the directions that change the curve.
-    log_evidence : float
     probability : float
         Among the laws compared.
     strike_scatter, session_scatter, level_scatter : Estimate
@@ -719,7 +717,6 @@ def lack_of_fit(law: LawKind, points: CorPoints) -> LackOfFit:
     ----------
     law : LawKind
         Not the free form.
-    points : CorPoints
     """
     if points.level is None:
         return LackOfFit(None, reason="no setting is repeated")

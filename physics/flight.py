@@ -244,10 +244,6 @@ def fly(
     tolerance : float
         Relative and absolute tolerance of the solver (DOP853).
 
-    Returns
-    -------
-    FlightPath
-
     Raises
     ------
     DomainError
@@ -533,17 +529,12 @@ def land(
 
     Parameters
     ----------
-    launch : Launch
     support_height : float or array
         h_s: height of the ball's lowest point above the floor, m.
     constant : float or array
         K, 1/m; 0 is allowed.
     gravity : float
         m/s².
-
-    Returns
-    -------
-    Landing
 
     Raises
     ------

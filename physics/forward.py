@@ -70,10 +70,6 @@ class Experiment:
 
     Attributes
     ----------
-    ball : Ball
-    pendulum : Pendulum
-    support : Support
-    air : Air
     gravity : float
         m/s².
     drag_coefficient : float or CoefficientCurve
@@ -294,17 +290,12 @@ def plan_distance(
 
     Parameters
     ----------
-    experiment : Experiment
     distance : float
         Landing distance of the centre from rest, m.
     cor : CorLaw, optional
         Default the ball's law.
     scatter : PlanScatter, optional
         For the uncertainty.
-
-    Returns
-    -------
-    Plan
 
     Raises
     ------
@@ -433,7 +424,6 @@ class RangeInputs:
         m_B and M_E, kg.
     ball_diameter : float or array
         m.
-    drag_coefficient : float or array
     air_density : float or array
         kg/m³.
     gravity : float or array
@@ -515,10 +505,6 @@ def cor_from_range(inputs: RangeInputs) -> Number:
 
     v_M^avg on the right of Eq. 17 depends on e through v_M; the equation is iterated to a fixed
     point, a strong contraction since the contact is a small fraction of the whole path.
-
-    Parameters
-    ----------
-    inputs : RangeInputs
 
     Returns
     -------

@@ -128,10 +128,6 @@ def integrate(rates: Rates, start: FloatArray, duration: FloatArray, steps: int)
         Duration, s, per trajectory.
     steps : int
         Number of steps.
-
-    Returns
-    -------
-    Trajectory
     """
     step = np.asarray(duration, dtype=np.float64) / steps
     states = np.empty((steps + 1, *start.shape))
@@ -240,17 +236,12 @@ def follow_until(
         State at the beginning of `span`.
     span : two floats
         s.
-    events : sequence of ZeroCrossing
     method : str
         scipy's name of the solver.
         Name of scipy's solver.
         Tolerances.
     **options : float
         `first_step`, `max_step` of scipy.
-
-    Returns
-    -------
-    SolvedPath
     """
     functions: list[Any] = []
     for event in events:

@@ -31,7 +31,6 @@ class FallingBall:
     ----------
     mass, diameter : float
         kg, m.
-    air : Air
     longest : float
         Longest time of a fall or rise that is asked for, s.
     drag_factor : float

@@ -330,7 +330,6 @@ def require_real(law: CorLaw, slowest: float, fastest: float) -> None:
 
     Parameters
     ----------
-    law : CorLaw
     slowest, fastest : float
         Range to test, m/s.
 

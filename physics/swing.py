@@ -40,7 +40,6 @@ def frictionless_speed(
 
     Parameters
     ----------
-    pendulum : Pendulum
     backswing : float or array
         Angle of release, rad from the lowest point (its sign does not matter).
     contact_angle : float
@@ -232,7 +231,6 @@ def swing(
 
     Parameters
     ----------
-    pendulum : Pendulum
     backswing : float
         Angle of release, rad, counted positive backwards.
     contact_angle : float
@@ -243,10 +241,6 @@ def swing(
         m/s².
     samples : int
         Rows of the result.
-
-    Returns
-    -------
-    SwingPath
 
     Raises
     ------
@@ -276,7 +270,6 @@ def swing_on(model: SwingModel, phi: float, omega: float, time: FloatArray) -> F
 
     Parameters
     ----------
-    model : SwingModel
     phi, omega : float
         At time 0, rad and rad/s.
     time : (N,) array

@@ -140,11 +140,8 @@ class BallTableLaw:
 
     Attributes
     ----------
-    name : str
-    points : CorPoints
     fits : tuple of CorLawFit
         The most probable first; empty with too few rows.
-    tests : mapping of LawKind to LackOfFit
     reason : str or None
         Why there is no law.
     air : str
@@ -265,8 +262,6 @@ class TableLaws:
     ----------
     name : str
         Of the table.
-    balls : mapping of str to BallTableLaw
-    warnings : tuple of str
     """
 
     name: str
@@ -377,10 +372,6 @@ def law(
         Masses and diameters of the balls, pendulum, air.
     speeds_from : str, optional
         "heights" or "times": speeds and e in the table were computed from these without air.
-
-    Returns
-    -------
-    TableLaws
 
     Raises
     ------

@@ -203,8 +203,6 @@ class AskedExperiment:
 
     Attributes
     ----------
-    experiment : Experiment
-    law : CorLaw
     campaign : BallLaw or None
         Origin of the law, if it is from a campaign.
     ball : BallSetup or None
@@ -783,7 +781,6 @@ class Simulation:
     ----------
     quantities : tuple of Quantity
         Named as in the contract.
-    warnings : tuple of str
     flight : FlightPath
         The numerical path from the paper's launch, with all forces.
     contact_flight : FlightPath or None
@@ -810,7 +807,6 @@ def simulate(
 
     Parameters
     ----------
-    experiment : Experiment
     backswing, impact_speed : float, optional
         Exactly one of them, rad or m/s.
     cor : CorLaw, optional
@@ -821,10 +817,6 @@ def simulate(
         Further effects of the catalogue.
     uncertain : sequence of (UncertaintySource, Experiment)
         The experiment with one uncertain input larger by its standard uncertainty, for each.
-
-    Returns
-    -------
-    Simulation
 
     Raises
     ------
@@ -1005,14 +997,7 @@ _CONTACT_ANGLE = ("backswing_angle_contact_model", "deg")
 
 @dataclass(frozen=True)
 class Planning:
-    """The numbers of a plan.
-
-    Attributes
-    ----------
-    quantities : tuple of Quantity
-    warnings : tuple of str
-    plan : Plan
-    """
+    """The numbers of a plan."""
 
     quantities: tuple[Quantity, ...]
     warnings: tuple[str, ...]
@@ -1030,16 +1015,10 @@ def plan(
 
     Parameters
     ----------
-    experiment : Experiment
     distance : float
         m.
     cor : CorLaw, optional
         Default: the ball's law.
-    scatter : PlanScatter, optional
-
-    Returns
-    -------
-    Planning
 
     Raises
     ------

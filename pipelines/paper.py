@@ -292,7 +292,6 @@ class Explanation:
 
     Attributes
     ----------
-    candidate : str
     data : str
         "simulated" (16 numbers) or "experiment" (8 numbers).
     parameters : dict of str to float

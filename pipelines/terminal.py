@@ -79,7 +79,6 @@ def announce_page(address: str, *, browser: bool, otherwise: str = "") -> None:
 
     Parameters
     ----------
-    address : str
     browser : bool
         Whether one is wanted.
     otherwise : str

@@ -347,7 +347,6 @@ def serve_app(
 
     Parameters
     ----------
-    app : FastAPI
     opened : callable
         Called with the address once the server answers.
     port : int

@@ -327,7 +327,6 @@ def shade_behind(
     vertices : (N, 3) array
         Of the solid, world, m.
     lamp : (3,) array
-    lamp_radius : float
 
     Returns
     -------

@@ -69,7 +69,6 @@ class BallPose:
         As in `motion.Moment`.
     radius : float
         m.
-    look : BallLook
     """
 
     centre: FloatArray
@@ -239,11 +238,8 @@ class SolidActor:
 
     Attributes
     ----------
-    solid : Solid
     vertices : (S, R, N, 3) array
         World, m, per sub-exposure and row; R is 1 without rolling shutter.
-    scene : Scene
-    camera : Camera
     shaded_by : RoundActor or None
         The ball, whose shadow may fall on it.
     """
@@ -314,8 +310,6 @@ class RoundActor:
     ----------
     poses : list of BallPose
         Per sub-exposure.
-    scene : Scene
-    camera : Camera
     shaded_by : list of (centre (3,), radius)
         Spheres representing bodies that may cast a shadow on it.
     struck : bool
@@ -551,13 +545,7 @@ MAX_SUBEXPOSURES = 24
 
 
 class Film:
-    """Renders the frames of a scene one by one; frames are independent of each other.
-
-    Parameters
-    ----------
-    scene : Scene
-    motion : SceneMotion
-    """
+    """Renders the frames of a scene one by one; frames are independent of each other."""
 
     def __init__(self, scene: Scene, motion: SceneMotion) -> None:
         self.scene, self.motion = scene, motion

@@ -134,7 +134,6 @@ def render_frames(scene: Scene, shot: Shot | SceneMotion) -> tuple[Iterator[Pict
 
     Parameters
     ----------
-    scene : Scene
     shot : Shot or SceneMotion
         A stroke (see `strike`, `staged`), or any motion of ball and pendulum.
     """

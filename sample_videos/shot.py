@@ -183,8 +183,6 @@ class Physics:
         Angle of release behind the lowest point, rad.
     gravity : float
         m/s².
-    air : Air
-    drag_coefficient : float or curve
     lift_coefficient : float
         Of the Magnus force on a spinning ball; 0 leaves it out.
     face_friction : float
@@ -219,7 +217,6 @@ class Shot:
         Histories from the physics, each from its own time 0.
     motion : SampledMotion
         t = 0 at first touch.
-    physics : Physics
     """
 
     swing: SwingPath

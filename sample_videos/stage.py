@@ -280,7 +280,6 @@ class Panorama:
 
     Parameters
     ----------
-    scene : Scene
     margin : int
         By how many pixels the view may move.
     """

@@ -67,10 +67,8 @@ class Truth:
 
     Attributes
     ----------
-    scene : Scene
     shot : Shot or None
         None where the motion came from elsewhere.
-    frames : FrameTruth
     quantities : mapping of str to (float or None, str)
         Value and unit by the name that the results use; None where it is out of the picture.
     events : mapping of str to float

@@ -37,7 +37,6 @@ class Recording:
     ----------
     name, kind, measured : str
         Kind of motion and name of the body that is measured.
-    seen : Detections
     frames : (K,) int array
         Frames searched.
     shape : (2,) tuple of int

@@ -53,7 +53,6 @@ class LookedAt:
     right, struck : (N,) bool array
     strike : float
         Probability that the right one's motion is a strike, before the look; NaN if unseen.
-    is_strike : bool
     """
 
     probability: FloatArray

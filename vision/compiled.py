@@ -342,10 +342,6 @@ def registration_moments(
         Whether to compare with the scene alone; otherwise gain and explained fraction are 0.
     normal, pull : (k + 1, k + 1) and (k + 1,) arrays
         Filled with the robust normal equations, brightness last: the step is −normal⁻¹ pull.
-
-    Returns
-    -------
-    Moments
     """
     work = np.zeros((6, layer.shape[1]), dtype=np.float32)
     seen, bright = _lay(layer, placing, picture, behind, gain, hidden, compare, False, work)

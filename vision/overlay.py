@@ -154,8 +154,6 @@ class OverlayPainter:
     ----------
     width, height : int
         Size of the clip's frames, px.
-    tracks : Tracks
-    marks : OverlayMarks
     """
 
     def __init__(self, width: int, height: int, tracks: Tracks, marks: OverlayMarks) -> None:
@@ -404,9 +402,6 @@ def overlay_still(
 
     Parameters
     ----------
-    clip : ClipReader
-    tracks : Tracks
-    marks : OverlayMarks, optional
     frame : int, optional
         Frame number; by default the last one with the ball in view, which shows its whole path.
 

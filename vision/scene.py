@@ -125,7 +125,6 @@ class _MaybeGhost:
 
     Attributes
     ----------
-    value, label : int
     labels : (H, W) int32 array
     box : (4,) tuple of int
         Top, left, bottom, right.
@@ -400,10 +399,6 @@ def estimate_background(frames: Sequence[NDArray[Any]], scale: float = 1.0) -> B
         Gray levels, registered on one another, in time order.
     scale : float
         Brings them to 0 to 255.
-
-    Returns
-    -------
-    Background
     """
     reference = frames[len(frames) // 2].astype(np.float32) * np.float32(scale)
     meter = LightMeter(reference, 2.0)
@@ -599,10 +594,6 @@ class Aligner:
             Gray levels.
         start : FrameView, optional
             A guess, such as the view of the frame before.
-
-        Returns
-        -------
-        FrameView
         """
         guess = start if start is not None else FrameView(1.0, np.zeros(2), 0.0, 0.0)
         if len(self._rows) < _FEWEST_POINTS:

@@ -249,7 +249,6 @@ class GivenObjects:
     ----------
     digest : str
         Of its numbers.
-    seen : Detections
     tracklets : tuple of Tracklet
         Empty for a table of detections.
     measured : int or None

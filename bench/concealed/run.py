@@ -56,11 +56,8 @@ def run_until(
 
     Parameters
     ----------
-    stop : Stop
     work : callable
         Must be importable by the workers.
-    tasks : sequence
-    jobs : int
 
     Returns
     -------

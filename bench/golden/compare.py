@@ -36,7 +36,6 @@ class Move:
         Key of the item and name of what changed in it.
     before, after : str
         As printed.
-    judged : Judged
     """
 
     item: str

@@ -34,8 +34,6 @@ def run_item(item: Item, folder: Path, tracks_from: Path | None = None) -> dict[
 
     Parameters
     ----------
-    item : Item
-    folder : Path
     tracks_from : Path, optional
         Folder of the same item in which another run left its tracks: they are measured, and the
         clip is not followed again.

@@ -75,9 +75,6 @@ class Case:
 
     Attributes
     ----------
-    kind : Kind
-    arguments : tuple of str
-    files : mapping of str to bytes
     outputs : tuple of str
         Files the command is asked to write.
     sound : tuple of str

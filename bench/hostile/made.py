@@ -19,7 +19,6 @@ class Mistake:
 
     Attributes
     ----------
-    kind, name : str
     words : tuple of str
         Of the command; ``{clip}`` and ``{lab}`` are the strike and its set-up.
     cause : str
@@ -28,7 +27,6 @@ class Mistake:
         Option whose stated value is the cure.
     line : tuple of str
         File ("" for the command), wrong text and right text, which the message must state.
-    files : mapping of str to str
     """
 
     kind: str

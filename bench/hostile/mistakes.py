@@ -30,8 +30,6 @@ class Outcome:
 
     Attributes
     ----------
-    mistake : Mistake
-    command : str
     message : str
         The first message, with its hint.
     named : bool

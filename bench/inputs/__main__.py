@@ -57,7 +57,6 @@ class Case:
 
     Attributes
     ----------
-    name : str
     run : callable
         Takes a folder for files that are made; returns a measurement, or raises.
     cure : str

@@ -37,7 +37,6 @@ class Lab:
     ----------
     fps, grid, camera, ball : str
         As entered.
-    clip : str
     blamed, cure : str
         Words of the finding.
     in_python : str

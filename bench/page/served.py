@@ -27,7 +27,6 @@ class Program:
 
     Attributes
     ----------
-    process : Popen
     address : str
         With its token.
     """
@@ -42,13 +41,7 @@ class Program:
 
 
 class App:
-    """A running `vision app` and the window that shows it.
-
-    Parameters
-    ----------
-    program : Program
-    browser : Browser
-    """
+    """A running `vision app` and the window that shows it."""
 
     def __init__(self, program: Program, browser: Any) -> None:
         self.process, self.home = program.process, program.home
@@ -118,7 +111,6 @@ def running(
         Its arguments.
     script : str
         Python; default: the command line.
-    cwd : Path
     **environment : str
         Variables to set.
     """

@@ -35,7 +35,6 @@ class Input:
 
     Attributes
     ----------
-    key : str
     value : float
         Positive, in any unit.
     relative_std : float
@@ -59,11 +58,8 @@ class Relation:
 
     Attributes
     ----------
-    name : str
     powers : mapping of str to float
         By input, or "scale" (m/px in the ball's plane) and "rate".
-    value : float
-    relative_std : float
     """
 
     name: str
@@ -78,7 +74,6 @@ class Cause:
 
     Attributes
     ----------
-    key : str
     stated, value : float
         As stated, and as all others have it.
     std : float
@@ -103,8 +98,6 @@ class Contradictory:
     ----------
     causes : tuple of Cause
         Inputs that resolve it one at a time, the best first; empty if none does.
-    chi2 : float
-    degrees : int
     """
 
     causes: tuple[Cause, ...]

@@ -97,10 +97,8 @@ class SceneFacts:
         Diameter with its std, m.
     scale : tuple of float or None
         m/px with its std.
-    grid : WallGrid or None
     pitch_stated : bool
         False if its pitch is assumed.
-    pitch_relative_std : float
     camera_distance, plane_offset : tuple of float or None
         With their std, m.
     drag : tuple of float or None

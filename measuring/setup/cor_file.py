@@ -71,7 +71,6 @@ class FittedLaw:
 
     Attributes
     ----------
-    kind : LawKind
     parameters : mapping of str to float
         As `LAW_PARAMETERS`; b and k in s/m.
     covariance : (P, P) array
@@ -126,7 +125,6 @@ class BallLaw:
 
     Attributes
     ----------
-    ball : str
     laws : tuple of FittedLaw
         Laws compared, the most probable first; their probabilities sum to 1.
     speeds : (2,) tuple of float

@@ -380,7 +380,6 @@ class RigNumber:
         In `unit`.
     unit : str
         SI.
-    value_from, std_from : Origin
     source : str
         Source of a default; "" if no default is used.
     """
@@ -426,7 +425,6 @@ class Rig:
         None if not given.
     ball_mass, ball_diameter, launch_angle : RigNumber or None
         None if not given.
-    gravity, air_density, drag_coefficient, spin, grid_pitch : RigNumber
     """
 
     inertia: RigNumber

@@ -671,7 +671,6 @@ class Term:
 
     Attributes
     ----------
-    effect : Effect
     values : mapping of str to Number
         A number each, or arrays that broadcast with the members of the batch in which it acts.
     where : slice or Ellipsis

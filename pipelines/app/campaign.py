@@ -65,7 +65,6 @@ class ClipCard:
 
     Attributes
     ----------
-    clip, path, state : str
     error, bad, pointed, motion : str
         Why it failed; why it is marked as bad; the point on the ball; the kind of motion.
     unsure : bool
@@ -97,7 +96,6 @@ class Wanted:
 
     Attributes
     ----------
-    ball : str
     speed, std : float
         Impact speed, m/s, and the law's standard uncertainty there.
     strikes : int
@@ -147,8 +145,6 @@ class FolderSession:
 
     Attributes
     ----------
-    inputs : FolderInputs
-    running : bool
     problem : str
         Why the last run ended; empty if it succeeded.
     asked, closed : Event

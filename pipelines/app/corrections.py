@@ -94,7 +94,6 @@ class ObjectMark:
     ----------
     frame : int
         From 0.
-    x_px, y_px : float
     moved : bool
         Whether the outline of the measured object was dragged; else another object was selected.
     """
@@ -111,7 +110,6 @@ class Stick:
 
     Attributes
     ----------
-    x0_px, y0_px, x1_px, y1_px : float
     length : str
         As typed, such as "1 m ± 2 mm".
     """
@@ -150,7 +148,6 @@ class Corrections:
 
     Attributes
     ----------
-    inputs : ClipInputs
     ball : tuple of ObjectMark
         In the order in which they were set.
     ignored : tuple of ObjectMark
@@ -193,12 +190,7 @@ def cure_of(option: str, known: Collection[str]) -> tuple[str, str] | None:
 
 
 class History:
-    """Corrections with undo and redo.
-
-    Parameters
-    ----------
-    now : Corrections
-    """
+    """Corrections with undo and redo."""
 
     def __init__(self, now: Corrections) -> None:
         self._states = [now]

@@ -33,7 +33,6 @@ class Export:
 
     Attributes
     ----------
-    key : str
     ending : str
         Added to the clip's name.
     write : callable
@@ -138,7 +137,6 @@ def sheet_html(
 
     Parameters
     ----------
-    measured : ClipMeasurement
     command : str
         That repeats it.
     label : callable

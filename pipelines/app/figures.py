@@ -39,10 +39,8 @@ class Figure:
     ----------
     name : str
         As in the results table.
-    label : str
     value, std, unit : str
         Without a value: empty.
-    standing : Standing
     why : str
         What is assumed, what contradicts it, or why there is no value.
     budget : tuple of (str, str, float)
@@ -73,12 +71,7 @@ _CONTRADICTED_QUANTITIES = {
 
 
 def figures_of(measured: ClipMeasurement) -> tuple[Figure, ...]:
-    """Quantities of the observed motion, the main ones first, those without a value last.
-
-    Parameters
-    ----------
-    measured : ClipMeasurement
-    """
+    """Quantities of the observed motion, the main ones first, those without a value last."""
     kind = measured.motion.measured_as
     main = [str(name) for name in main_quantities(kind)]
     own = [item for item in measured.quantities if item.known or kind in kinds_of(item.name)]

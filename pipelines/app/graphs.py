@@ -86,12 +86,7 @@ class Graph:
 
 
 def graphs_of(measured: ClipMeasurement) -> tuple[Graph, ...]:
-    """Gap, path, speed, position and angle, as far as they are known.
-
-    Parameters
-    ----------
-    measured : ClipMeasurement
-    """
+    """Gap, path, speed, position and angle, as far as they are known."""
     table = tracks_as_frame(measured)
     if measured.motion.measured_as is not MotionKind.COLLISION:
         # what also moves hides the measured curves

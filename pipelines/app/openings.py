@@ -35,8 +35,6 @@ class Sample:
     ----------
     kind : str
         "strike", "drop" or "swing".
-    path : Path
-    inputs : ClipInputs
     """
 
     kind: str

@@ -48,16 +48,13 @@ class ClipSession:
 
     Parameters
     ----------
-    path : Path
     number : int
         Distinguishes the clips opened in one session, for the addresses of their frames.
-    measurer : Measurer
     inputs : ClipInputs, optional
         Where nothing was entered for this clip.
 
     Attributes
     ----------
-    measured : ClipMeasurement or None
     figures, graphs : tuple
         Its numbers and graphs.
     problem : str
@@ -257,11 +254,6 @@ def is_images(folder: Path) -> bool:
 class AppSession:
     """State of the whole page, shared by reloads.
 
-    Parameters
-    ----------
-    language : str
-    recent : Recent, optional
-
     Attributes
     ----------
     folder : Path
@@ -270,8 +262,6 @@ class AppSession:
         Write files one after another.
     page : str
         "open", "clip", …
-    clip : ClipSession or None
-    folder_session : FolderSession or None
     """
 
     def __init__(self, language: str = "en", recent: Recent | None = None) -> None:

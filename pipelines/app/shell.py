@@ -29,12 +29,7 @@ browser loads the page in less, also while measuring occupies all cores)."""
 
 
 class AppWindow:
-    """One window; a reload builds another one from the same session.
-
-    Parameters
-    ----------
-    session : AppSession
-    """
+    """One window; a reload builds another one from the same session."""
 
     def __init__(self, session: AppSession) -> None:
         self.session = session
@@ -212,7 +207,6 @@ def serve_page(
 
     Parameters
     ----------
-    session : AppSession
     opened : callable
         Called with the address once it is served.
     port : int

@@ -42,8 +42,6 @@ class Task:
     ----------
     number : int
         Increasing.
-    clip : Path
-    options : MeasureOptions
     corrected : DataFrame or None
         Tracklets in place of those found.
     """
@@ -66,12 +64,10 @@ class ClipAnswer:
         What is being done.
     part : float
         Completed fraction of it.
-    measured : ClipMeasurement or None
     candidates : DataFrame or None
         Tracklets found, also before the end and where none could be measured.
     problem : str
         Why nothing was measured.
-    done : bool
     """
 
     number: int

@@ -67,7 +67,6 @@ class StillScene:
 
     Attributes
     ----------
-    info : ClipInfo
     picture : (H, W) uint8 array
         Median of frames over the whole clip.
     clock : (F,) array
@@ -106,7 +105,6 @@ class Answers:
 
     Attributes
     ----------
-    scene : StillScene
     document : mapping
         Tables of the setup file, as typed.
     folder : Path

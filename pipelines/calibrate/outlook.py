@@ -54,7 +54,6 @@ class Outlook:
         Whether the landing point is only assumed.
     problem : str
         Why there is no calibration; empty otherwise.
-    warnings : tuple of str
     findings : tuple of Finding
         Contradictions of the answers; their sentences come first in problem or warnings.
     """
@@ -157,7 +156,6 @@ def length_between(
 
     Parameters
     ----------
-    calibration : Calibration
     first, second : (2,) array
         Px.
     on_wall : bool
@@ -188,7 +186,6 @@ class LengthComparison:
 
     Attributes
     ----------
-    text : str
     disagrees : bool
         Whether it contradicts the calibration.
     """
@@ -204,7 +201,6 @@ def compare_length(
 
     Parameters
     ----------
-    calibration : Calibration
     first, second : (2,) array
         Px.
     known : str

@@ -102,8 +102,6 @@ class Filming:
 
     Attributes
     ----------
-    ball : Ball
-    backswing_deg : float
     width, height : int
         px.
     fps : float
@@ -124,8 +122,6 @@ class Filming:
         Standard uncertainty of distances measured by hand; None if none is measured.
     lens : LensPrior or None
         A calibrated lens; its view applies, and its image has `width` and `height`.
-    pendulum : Pendulum
-    support : Support
     seed : int
         Seed of the small rotations of a camera placed by eye, and of rendered noise.
     """
@@ -304,14 +300,12 @@ class PlannedRecording:
 
     Attributes
     ----------
-    filming : Filming
     quantities : tuple of Quantity
         In the order of the contract; values are those of the simulated stroke.
     metres_per_px : float
         On the ball plane, at the ball at rest.
     lens : Lens
         Of the camera.
-    warnings : tuple of str
     """
 
     filming: Filming
@@ -331,8 +325,6 @@ class FilmingChange:
 
     Attributes
     ----------
-    words : str
-    predicted : PlannedRecording
     gain : float
         Reduction of the uncertainties: geometric mean of old over new, over the quantities
         measurable in both cases.

@@ -38,7 +38,6 @@ def save(answers: Answers, outlook: Outlook) -> Written:
 
     Parameters
     ----------
-    answers : Answers
     outlook : Outlook
         Of these answers.
 

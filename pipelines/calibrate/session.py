@@ -40,7 +40,6 @@ class Session:
 
     Attributes
     ----------
-    answers : Answers
     outlook : Outlook
         Of `answers`.
     changes : list of OutlookChange

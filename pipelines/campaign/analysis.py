@@ -126,7 +126,6 @@ class Agreement:
         Standard uncertainty of either limit, √(3/N) standard deviations.
     slope, slope_std : float
         Of the differences over the means: nonzero if the disagreement grows with the quantity.
-    pairs : int
     means, differences : (N,) array
     """
 
@@ -286,7 +285,6 @@ def ranges(
 
     Parameters
     ----------
-    experiment : Experiment
     cor : callable
         Fitted law: impact speed (m/s) to e.
     speed, measured, measured_std : (N,) array
@@ -326,13 +324,10 @@ class BallAnalysis:
 
     Attributes
     ----------
-    ball : str
     clips : tuple of ClipResult
         Clips used that have both impact speed and COR, N of them.
-    points : CorPoints or None
     fits : tuple of CorLawFit
         The most probable law first; empty with too few clips.
-    why_no_law : str or None
     outliers : tuple of Outlier
         Indices into `clips`.
     distances : (N,) array
@@ -376,7 +371,6 @@ class CampaignAnalysis:
 
     Attributes
     ----------
-    balls : tuple of BallAnalysis
     sensors : tuple of SensorAnalysis
         Sensors with at least two pairs.
     """
@@ -390,8 +384,6 @@ def analyse(results: Sequence[ClipResult], setup: Setup, ball: str | None) -> Ca
 
     Parameters
     ----------
-    results : sequence of ClipResult
-    setup : Setup
     ball : str or None
         Ball of the clips for which the lab book names none.
     """

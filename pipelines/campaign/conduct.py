@@ -62,13 +62,7 @@ _SUMMARY_SPEEDS = 9
 
 
 def summarise(results: Sequence[ClipResult], analysis: CampaignAnalysis) -> dict[str, Any]:
-    """The campaign as the contract's ``summary.json``.
-
-    Parameters
-    ----------
-    results : sequence of ClipResult
-    analysis : CampaignAnalysis
-    """
+    """The campaign as the contract's ``summary.json``."""
     states = [result.state for result in results]
     return {
         "clips": {
@@ -178,14 +172,10 @@ class Edition:
 
     Attributes
     ----------
-    folder : Path
-    book : LabBook or None
     strikes : mapping of str to Strike or None
         By the clip's name.
-    setup : Setup
     ball : str or None
         Ball of clips for which the lab book names none.
-    facts : ReportFacts
     against_paper : bool
         Draw the paper's laws next to your own.
     """
@@ -279,7 +269,6 @@ class Campaign:
 
     Attributes
     ----------
-    folder : Path
     results : DataFrame
         One row per clip, the lab book's columns first.
     summary : dict
@@ -370,14 +359,12 @@ def campaign(
         Folder of the campaign; default: ``results`` in the first folder of clips.
     trials : path, optional
         Lab book (CSV or XLSX).
-    setup : Setup or path, optional
     fps, ball, wall_grid : optional
         As for `measure`; the lab book's ball overrides `ball`.
     jobs : int, optional
         Processes; default: one per core.
     dask : str, optional
         Address of a Dask scheduler whose workers use the same paths.
-    retry_failed : bool
     explain : bool
         Also search the strikes for missing physics.
 

@@ -116,17 +116,14 @@ class CampaignDesign:
     ----------
     settings : tuple of Setting
         Totals over all sessions.
-    sessions : int
     std : float
         Largest standard uncertainty of the law over the speeds.
     random_std : float
         Its random part, reduced by more strikes.
     floor : float
         Its systematic part, reduced only by a better setup.
-    target : float
     reachable : bool
         Whether a number of strikes exists that reaches the target.
-    precisions : Precisions
     first : tuple of (str, float, float)
         Setup inputs, the largest contribution first: name, contribution to the COR, and the
         largest value that reaches the target with the others unchanged (0: the others alone are
@@ -168,7 +165,6 @@ def design_campaign(
     pendulum, ball
     target : float
         Largest standard uncertainty of the law wanted at any speed between the back-swings.
-    precisions : Precisions
     backswings_deg : (2,) tuple of float
         Smallest and largest back-swing of the rig, degrees.
     gravity : float

@@ -89,7 +89,6 @@ def staged(folder: Path, *, whole: bool = True) -> Iterator[Path]:
 
     Parameters
     ----------
-    folder : Path
     whole : bool
         Remove files of `PUBLISHED` that the block did not write: they would no longer agree with
         the others.

@@ -35,7 +35,6 @@ class WorkOrder:
     ----------
     clip : str
         Name, the key in all tables.
-    path : str
     sha256 : str
         Of the clip's bytes.
     options : str
@@ -61,14 +60,12 @@ class AttemptOutcome:
 
     Attributes
     ----------
-    clip : str
     state : State
         Done or failed; waiting if another attempt is due.
     seconds : float
         Wall time.
     document : str or None
         The clip's JSON as written by `vision measure --json`, passed on unparsed.
-    error : str or None
     died : bool
         The clip ended its worker; a run killed from outside does not count.
     """
@@ -87,15 +84,10 @@ class Entry:
 
     Attributes
     ----------
-    order : WorkOrder
-    state : State
     attempts : int
         Attempts begun with this order.
-    seconds : float or None
-    error : str or None
     excluded : str or None
         Why the trial was marked as bad.
-    document : mapping or None
     """
 
     order: WorkOrder

@@ -42,7 +42,6 @@ class CommonRate:
     ----------
     fps, std : float
         1/s.
-    clips : int
     low, high : float
         Smallest and largest rate of a single clip, 1/s.
     """

@@ -44,7 +44,6 @@ def draw_figures(analysis: CampaignAnalysis, *, against_paper: bool = False) -> 
 
     Parameters
     ----------
-    analysis : CampaignAnalysis
     against_paper : bool
         Draw the paper's laws of the paper's balls for comparison.
     """
@@ -376,8 +375,6 @@ class ReportFacts:
 
     Attributes
     ----------
-    title : str
-    version : str
     setup : str or None
         Name of the setup file.
     notes : tuple of str

@@ -98,8 +98,6 @@ class LabBookRow:
         As written, with or without its ending.
     ball : str or None
         Preset, name in the setup, or diameter.
-    backswing_deg : float or None
-    session : str or None
     cells : mapping of str to object
         All columns as read, including sensors, in the order of the table.
     """
@@ -125,7 +123,6 @@ class LabBook:
 
     Attributes
     ----------
-    strikes : tuple of LabBookRow
     columns : tuple of str
         Columns of the table, `clip` first.
     notes : tuple of str
@@ -688,18 +685,12 @@ class ClipResult:
 
     Attributes
     ----------
-    clip : str
-    state : State
-    error, excluded : str or None
     elsewhere : str or None
         Why it is not counted under this name (`not_counted`).
-    seconds : float or None
-    strike : LabBookRow or None
     values : (Q, 2) array
         Value and standard uncertainty of each of `ANALYSED`; nan where not measured.
     shared : mapping of str to float
         Lines of the COR's budget that are common to all clips of a setup.
-    warnings : tuple of str
     """
 
     clip: str

@@ -46,7 +46,6 @@ class RunOptions:
 
     Attributes
     ----------
-    setup : Path or None
     fps, ball, wall_grid : str or None
         As typed; the lab book's ball overrides `ball`.
     timeout_s : float
@@ -77,9 +76,6 @@ class RunPlan:
     ----------
     folder : Path
         Of the campaign.
-    options : RunOptions
-    matched : Matched
-    version : str
     purpose : str
         What it is for, if not for the results; shown beside the progress.
     """
@@ -333,7 +329,6 @@ def cluster_crew(address: str, jobs: int, options: RunOptions) -> Iterator[Crew]
         Of a scheduler, or the name of a configured dask-jobqueue queue (`JOB_QUEUES`).
     jobs : int
         Number of jobs to put into the queue.
-    options : RunOptions
 
     Raises
     ------
@@ -425,7 +420,6 @@ class Progress:
 
     Attributes
     ----------
-    todo, done, failed : int
     again : dict of str to str
         Clips measured again, and what changed.
     stopped : str or None
@@ -454,18 +448,12 @@ def run(
 
     Parameters
     ----------
-    plan : RunPlan
     crew : callable
         Returns a context manager of a `Crew`; entered only if there is work.
-    retry_failed : bool
     only : sequence of str
         Names of clips to measure; the others keep waiting.
     after_each : callable
         Called after each clip with the progress and the result.
-
-    Returns
-    -------
-    Progress
     """
     (plan.folder / "tracks").mkdir(parents=True, exist_ok=True)
     (plan.folder / "frames").mkdir(exist_ok=True)

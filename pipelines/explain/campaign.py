@@ -289,10 +289,6 @@ def load_campaign(
     setup : Setup
         Gives the ball if the file has no column ``ball``.
 
-    Returns
-    -------
-    CampaignRecords
-
     Raises
     ------
     UsageError
@@ -725,10 +721,6 @@ def explain_files(
         Names of trials excluded from the fit.
     effects : Path or sequence of Effect, optional
         User-defined effects.
-
-    Returns
-    -------
-    EngineVerdict
 
     Raises
     ------

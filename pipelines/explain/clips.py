@@ -487,7 +487,6 @@ def within_calibration(
 
     Parameters
     ----------
-    verdict : EngineVerdict
     widths : mapping
         Id of a fault → standard uncertainty of the calibration in it.
     known : bool
@@ -645,8 +644,6 @@ def campaign_from_clips(
 
     Parameters
     ----------
-    clips : sequence of Path
-    setup : Setup
     facts : mapping, optional
         Clip's name → the lab's entries about it.
     measure : callable, optional

@@ -91,17 +91,12 @@ def read_sheet(
 
     Parameters
     ----------
-    source : Path or DataFrame
     units : mapping
         Stem of each column of numbers → its unit in the contract: ``{"x": "m"}`` for ``x_m``.
     words : sequence of str
         Columns that are always words.
     rows : int, optional
         Maximum number of rows to read.
-
-    Returns
-    -------
-    Sheet
 
     Raises
     ------
@@ -129,8 +124,6 @@ def numbers_of(
 
     Parameters
     ----------
-    table : DataFrame
-    column : str
     what : str
         Name of the table.
     notes : list of str

@@ -19,7 +19,6 @@ class TriedRow:
 
     Attributes
     ----------
-    names : str
     misfit : float
         Chi-square per degree of freedom.
     gain : float
@@ -28,7 +27,6 @@ class TriedRow:
         The same minus what freedom, unlikely sizes and further names cost.
     remark : str
         Whether it is the answer, is not excluded, or why it is no answer.
-    chosen : bool
     """
 
     names: str

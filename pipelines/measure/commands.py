@@ -148,7 +148,6 @@ def run_tasks(
     ----------
     function : callable
         Defined in a module, so that a fresh process can import it; tasks and results are pickled.
-    tasks : iterable
     workers : int
         Number of processes.
 
@@ -328,12 +327,10 @@ def measure_all(
 
     Parameters
     ----------
-    jobs : sequence of Job
     folder : Folder
         Receives each row before it is yielded.
     option_texts : sequence of str
         All options as typed, and the setup file's text; a change means measuring again.
-    workers : int
     """
     digests = {job.clip: digest_of(job.clip, option_texts) for job in jobs}
     left = [job for job in jobs if not folder.holds(job.clip, digests[job.clip])]

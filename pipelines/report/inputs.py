@@ -135,11 +135,6 @@ class ReportInput:
         Clip and setup: name and value, in order.
     quantities : tuple of Quantity
         In the order of the results table.
-    checks : tuple of Check
-    warnings : tuple of str
-    gap : GapRecord or None
-    speeds : tuple of SpeedRecord
-    path : PathRecord or None
     still_png : bytes or None
         A frame with the overlay.
     version : str

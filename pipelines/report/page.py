@@ -52,9 +52,6 @@ def results_html(
 
     Parameters
     ----------
-    title : str
-    quantities : sequence of Quantity
-    warnings : sequence of str
     still_png : bytes, optional
         A frame of the clip.
 
@@ -122,7 +119,6 @@ def report_html(
 
     Parameters
     ----------
-    report : ReportInput
     panels : sequence of Panel
         Further plots, before those of the report.
     command : str

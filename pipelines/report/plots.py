@@ -188,8 +188,6 @@ def plot_panel(report: ReportInput, axes: Axes, name: str) -> Axes:
 
     Parameters
     ----------
-    report : ReportInput
-    axes : Axes
     name : {"gap", "speeds", "path", "residuals"}
 
     Raises

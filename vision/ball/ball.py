@@ -125,10 +125,6 @@ def expected_places(
         Radii, px.
     variance : (N,) array
         Stated variance of a position along one axis, px².
-
-    Returns
-    -------
-    Expected
     """
     count = len(frame)
     if count < _FEWEST + 1:
@@ -569,10 +565,6 @@ def outlines_near(
         Frames.
     guess : (N, 2) array
         Where it may be, px.
-
-    Returns
-    -------
-    OutlineFits
     """
     return _Search(scene, radius).outlines(frame, guess)
 

@@ -155,10 +155,6 @@ def find_circles(
         How many candidates to return at most.
     least_coverage : float
         Part of the outline that must have an edge.
-
-    Returns
-    -------
-    Circles
     """
     low, high = radii
     normalised = (picture - expected) / noise

@@ -259,10 +259,6 @@ def edge_points(level: FloatImage, left: int, top: int) -> EdgePoints:
         The picture, in units of its noise.
     left, top : int
         Where its first pixel lies.
-
-    Returns
-    -------
-    EdgePoints
     """
     smooth = cv2.GaussianBlur(level, (0, 0), 0.8)
     gx = np.asarray(cv2.Scharr(smooth, cv2.CV_32F, 1, 0, scale=0.1), dtype=np.float32)

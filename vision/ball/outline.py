@@ -1000,10 +1000,6 @@ def voted_outlines(
         Where it may be, px.
     radius : float
         Its radius, px.
-
-    Returns
-    -------
-    OutlineFits
     """
     fits = nothing_found(len(frame))
     windows = [_window(start, radius, scene.shape) for start in guess]

@@ -66,7 +66,6 @@ class Swept:
 
     Attributes
     ----------
-    sweep : Sweep
     covariance : (2, 2) array
         Of the centre, px².
     explained : float

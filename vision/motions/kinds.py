@@ -129,10 +129,6 @@ def interpret(
         The kind to explain the track as; its probability stays that of the track.
     kept : KeptResults, optional
         Of an earlier call for the same striker.
-
-    Returns
-    -------
-    Interpretation
     """
     values, one, other = features_of(ball, striker, kept)
     if one is None:

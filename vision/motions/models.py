@@ -392,7 +392,6 @@ def fit_swing(seen: Observations, noise: float) -> Swing | None:
 
     Parameters
     ----------
-    seen : Observations
     noise : float
         px.
 

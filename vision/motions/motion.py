@@ -38,10 +38,6 @@ def interpret_tracks(
         Of an earlier call for the same striker.
     struck : bool
         Whether the pendulum surely gave the ball its speed.
-
-    Returns
-    -------
-    Motion
     """
     came = striker if pendulum is None else pendulum.track
     found = interpret(

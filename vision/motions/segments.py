@@ -68,7 +68,6 @@ class Segment:
 
     Attributes
     ----------
-    model : Model
     first, last : int
         Frames.
     parameters : (k, 2) array
@@ -78,7 +77,6 @@ class Segment:
         Of one coordinate's coefficients, the same for both.
     period : float
         Frames, of a swing or circle; else NaN.
-    period_std : float
     amplitude : float
         rad, at the first frame of a swing; else NaN.
     damping : float
@@ -198,7 +196,6 @@ def divide(
 
     Parameters
     ----------
-    seen : Observations
     sums : Polynomials
         Of the same rows.
     choices : sequence of Model, or what `falls` and `straight` return

@@ -428,7 +428,6 @@ class SwingThrough:
 
     Attributes
     ----------
-    swing : ImagedSwing
     pivot_covariance_px2 : (2, 2) array
         Of its pivot, px².
     cost : float

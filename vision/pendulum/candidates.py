@@ -459,8 +459,6 @@ def face_gap(scene: FilmedScene, rest: Rest, radius: float, motion: FloatArray) 
 
     Parameters
     ----------
-    scene : FilmedScene
-    rest : Rest
     radius : float
         Ball radius, px.
     motion : (3,) array

@@ -73,7 +73,6 @@ class Glimpse:
 
     Attributes
     ----------
-    frame : int
     picture, behind : (H, W) float32 arrays
         As filmed, and what lies behind the body, in reference brightness.
     gain : float
@@ -311,7 +310,6 @@ class Bundle:
 
     Attributes
     ----------
-    swing : ImagedSwing
     angles : (K,) array
         In each picture, rad; NaN where too little of the body is in view.
     gain : float
@@ -494,8 +492,6 @@ def segmented(
     ----------
     patch : Patch
         Points on a grid of one pixel, with some around the body.
-    swing : ImagedSwing
-    glimpses : sequence of Glimpse
     angles : (K,) array
         Angle in each picture, rad; NaN where it is not known.
 

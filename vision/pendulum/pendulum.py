@@ -604,8 +604,6 @@ def most_explained(follower: Follower, piece: MassCandidate, body: Swinging) -> 
 
     Parameters
     ----------
-    follower : Follower
-    piece : MassCandidate
     body : Swinging
         Which it is taken to move with.
 

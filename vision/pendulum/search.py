@@ -439,10 +439,8 @@ class _StrikerSearch:
 
     Attributes
     ----------
-    follower : Follower
     lit : Backdrop
         The scene before the strike in each frame's own light.
-    best : Swinging
     others : tuple of Swinging
         Other bodies that agree as well with the strike.
     """
@@ -697,7 +695,6 @@ def pendulum_track(striker: Striker, rest: Rest, fps: float) -> PendulumTrack:
 
     Parameters
     ----------
-    striker : Striker
     rest : Rest
         The ball before it is struck; it tells which way is forward.
     fps : float

@@ -22,12 +22,7 @@ _NOT_STORED = {"cache-control": "no-store"}
 
 
 def app_of(session: AppSession) -> FastAPI:
-    """Web application: the page, its style and script, frames and marks of the open clip.
-
-    Parameters
-    ----------
-    session : AppSession
-    """
+    """Web application: the page, its style and script, frames and marks of the open clip."""
     app = FastAPI(openapi_url=None)
     _own_files(app)
     _of_clip(app, session)

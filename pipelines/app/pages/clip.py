@@ -70,14 +70,7 @@ def standing_text(figure: Figure, say: Say) -> str:
 
 
 class ClipPage:
-    """The page of one clip in one window.
-
-    Parameters
-    ----------
-    session : AppSession
-    clip : ClipSession
-    say : Say
-    """
+    """The page of one clip in one window."""
 
     def __init__(self, session: AppSession, clip: ClipSession, say: Say) -> None:
         self.session, self.clip, self.say = session, clip, say

@@ -22,10 +22,8 @@ class ExportPage:
 
     Parameters
     ----------
-    clip : ClipSession
     jobs : Jobs
         Writes the files.
-    say : Say
     """
 
     def __init__(self, clip: ClipSession, jobs: Jobs, say: Say) -> None:

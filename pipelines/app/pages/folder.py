@@ -85,9 +85,6 @@ class FolderPage:
 
     Parameters
     ----------
-    folder : FolderSession
-    say : Say
-    language : str
     opened : callable
         Called with a clip's path to open it.
     """

@@ -24,7 +24,6 @@ class FramePoint:
         Its key.
     x, y : float
         px.
-    label : str
     join : str
         Key of another point, to which a line is drawn.
     """
@@ -44,7 +43,6 @@ class PlacedAt:
     ----------
     kind : str
         Of the object or point.
-    frame : int
     x, y : float
         px, within the frame.
     pointed : bool
@@ -63,8 +61,6 @@ class ClipFrame:
 
     Parameters
     ----------
-    clip : ClipSession
-    say : Say
     marks : str
         Address of the outlines; empty for none.
     """

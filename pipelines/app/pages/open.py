@@ -30,12 +30,10 @@ class OpenPage:
 
     Parameters
     ----------
-    say : Say
     opened : callable
         Called with the clip or folder that was chosen.
     folder : Path
         Where dropped clips and samples are copied to.
-    recent : Recent
     """
 
     def __init__(

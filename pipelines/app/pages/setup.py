@@ -122,10 +122,8 @@ class SetupPage:
 
     Parameters
     ----------
-    clip : ClipSession
     jobs : Jobs
         Run what takes longer than a moment.
-    say : Say
     measured : callable
         Called once the set-up file is in use and the clip is being measured.
     """

@@ -60,7 +60,6 @@ class SpanFit:
         the span's first point; the curvature is the second derivative.
     scatter : float
         Standard deviation of the points about the curve.
-    points : int
     curve : (N, 2) array
         To draw it.
     """
@@ -78,7 +77,6 @@ def fit_span(x: FloatArray, y: FloatArray, shape: Shape) -> SpanFit:
     ----------
     x, y : (N,) array
         In order of x.
-    shape : Shape
 
     Raises
     ------
@@ -182,13 +180,7 @@ def _unit(unit: str, term: str) -> str:
 
 
 class SpanCard:
-    """The span that is selected, and what was fitted to it.
-
-    Parameters
-    ----------
-    graphs : tuple of Graph
-    say : Say
-    """
+    """The span that is selected, and what was fitted to it."""
 
     def __init__(self, graphs: tuple[Graph, ...], say: Say) -> None:
         self.say, self._series = say, scatter_rows(graphs)

@@ -75,10 +75,8 @@ class WhyPage:
 
     Parameters
     ----------
-    clip : ClipSession
     jobs : Jobs
         Run the engine.
-    say : Say
     """
 
     def __init__(self, clip: ClipSession, jobs: Jobs, say: Say) -> None:
