@@ -48,11 +48,7 @@ _JobsOption = Annotated[
 ]
 _DaskOption = Annotated[
     str | None,
-    typer.Option(
-        "--dask",
-        metavar="tcp://HOST:PORT|QUEUE",
-        help="Address of a Dask cluster, or a dask-jobqueue queue such as slurm (-j: jobs).",
-    ),
+    typer.Option("--dask", metavar="tcp://HOST:PORT", help="Address of a Dask cluster."),
 ]
 _OnlyOption = Annotated[
     list[str] | None, typer.Option("--only", help="Measure only this clip; repeatable.")

@@ -488,7 +488,7 @@ def _setup_file(asked: CampaignOptions) -> Path | None:
 
 def _crew(asked: CampaignOptions, options: RunOptions) -> AbstractContextManager[Crew]:
     if asked.dask is not None:
-        return cluster_crew(asked.dask, asked.jobs or cores(), options)
+        return cluster_crew(asked.dask, options)
     return local_crew(asked.jobs or cores(), options)
 
 

@@ -9,9 +9,8 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, wait
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -301,40 +300,18 @@ class _DaskCrew:
             answered.set_result(reply)
 
 
-JOB_QUEUES = {
-    "slurm": "SLURMCluster",
-    "pbs": "PBSCluster",
-    "sge": "SGECluster",
-    "lsf": "LSFCluster",
-    "htcondor": "HTCondorCluster",
-    "oar": "OARCluster",
-    "moab": "MoabCluster",
-    "local": "local.LocalCluster",
-}
-"""Queues of dask-jobqueue by their name in its configuration; ``local`` runs the jobs on this
-machine, to test a configuration."""
 _CONNECT_TIMEOUT_S = 20.0
 """s (chosen)."""
-_JOB_START_TIMEOUT_S = 600.0
-"""s: time a job may wait in its queue; the first one starts the campaign (chosen)."""
 
 
 @contextmanager
-def cluster_crew(address: str, jobs: int, options: RunOptions) -> Iterator[Crew]:
+def cluster_crew(address: str, options: RunOptions) -> Iterator[Crew]:
     """Workers of a Dask cluster; clips and folder must have the same paths there.
-
-    Parameters
-    ----------
-    address : str
-        Of a scheduler, or the name of a configured dask-jobqueue queue (`JOB_QUEUES`).
-    jobs : int
-        Number of jobs to put into the queue.
 
     Raises
     ------
     UsageError
-        If Dask is not installed, no scheduler answers at `address`, it has no workers, or the queue
-        is unknown.
+        If Dask is not installed, no scheduler answers at `address`, or it has no workers.
     """
     try:
         from distributed import Client
@@ -344,28 +321,14 @@ def cluster_crew(address: str, jobs: int, options: RunOptions) -> Iterator[Crew]
             hint="pip install 'impact-vision[cluster]', or omit --dask to use this machine.",
         ) from problem
 
-    with ExitStack() as held:
-        scheduler: Any = address
-        if address in JOB_QUEUES:
-            scheduler = held.enter_context(_job_queue(address, jobs))
-        try:
-            client = held.enter_context(
-                Client(scheduler, timeout=_CONNECT_TIMEOUT_S)  # type: ignore[no-untyped-call]
-            )
-        except (OSError, TimeoutError, ValueError) as problem:
-            raise UsageError(
-                f"no Dask scheduler answers at {address}: {problem}",
-                hint="Start one with `dask scheduler`, or omit --dask to use this machine; "
-                f"queues of dask-jobqueue are {', '.join(JOB_QUEUES)}.",
-            ) from problem
-        if address in JOB_QUEUES:
-            try:
-                client.wait_for_workers(1, timeout=_JOB_START_TIMEOUT_S)
-            except TimeoutError as problem:
-                raise UsageError(
-                    f"no job of the queue {address} started within {_JOB_START_TIMEOUT_S:.0f} s",
-                    hint="Run the same command again when the queue has room.",
-                ) from problem
+    try:
+        client: Any = Client(address, timeout=_CONNECT_TIMEOUT_S)  # type: ignore[no-untyped-call]
+    except (OSError, TimeoutError, ValueError) as problem:
+        raise UsageError(
+            f"no Dask scheduler answers at {address}: {problem}",
+            hint="Start one with `dask scheduler`, or omit --dask to use this machine.",
+        ) from problem
+    with client:
         threads = sum(client.nthreads().values())
         if threads == 0:
             raise UsageError(
@@ -373,45 +336,6 @@ def cluster_crew(address: str, jobs: int, options: RunOptions) -> Iterator[Crew]
                 hint=f"Start some with `dask worker {address}`.",
             )
         yield _DaskCrew(client, options, threads)
-
-
-@contextmanager
-def _job_queue(name: str, jobs: int) -> Iterator[Any]:
-    """A cluster of queued jobs, from dask-jobqueue's configuration.
-
-    Raises
-    ------
-    UsageError
-        If dask-jobqueue is not installed, or its configuration is not valid.
-    """
-    import dask
-
-    try:
-        module = import_module("dask_jobqueue")
-    except ImportError as problem:
-        raise UsageError(
-            f"--dask {name} needs the package dask-jobqueue",
-            hint="pip install 'impact-vision[cluster]', and describe the queue in "
-            "~/.config/dask/jobqueue.yaml.",
-        ) from problem
-    kind: Any = module
-    *packages, last = JOB_QUEUES[name].split(".")
-    if packages:
-        kind = import_module(".".join(["dask_jobqueue", *packages]))
-    hint = (
-        f"Describe its jobs as jobqueue.{name} in ~/.config/dask/jobqueue.yaml:"
-        " cores, memory, processes, walltime."
-    )
-    # check first: a cluster object that fails to start warns again when it is deleted
-    if dask.config.get(f"jobqueue.{name}.cores", None) is None:
-        raise UsageError(f"the queue {name} is not configured", hint=hint)
-    try:
-        cluster = getattr(kind, last)()
-    except (ValueError, TypeError, OSError) as problem:
-        raise UsageError(f"the queue {name} can't be used: {problem}", hint=hint) from problem
-    with cluster:
-        cluster.scale(jobs=jobs)
-        yield cluster
 
 
 @dataclass

@@ -98,7 +98,7 @@ def test_clips_go_to_both_workers_and_a_worker_that_dies_loses_none(
     plan = _plan(tmp_path, 16)
     ended = threading.Timer(2.5, cluster.processes[-1].kill)
     ended.start()
-    progress = run(plan, lambda: cluster_crew(cluster.address, 1, plan.options))
+    progress = run(plan, lambda: cluster_crew(cluster.address, plan.options))
     ended.join()
     assert (progress.done, progress.failed, progress.stopped) == (16, 0, None)
     assert _counts(tmp_path / "out")[State.DONE] == 16
@@ -119,7 +119,7 @@ def test_a_scheduler_that_goes_away_leaves_the_rest_waiting(
 
     address = cluster.address
     progress = run(
-        plan, lambda: cluster_crew(address, 1, plan.options), after_each=end_the_scheduler
+        plan, lambda: cluster_crew(address, plan.options), after_each=end_the_scheduler
     )
     assert progress.stopped == "the cluster is gone"
     counts = _counts(tmp_path / "out")
@@ -134,38 +134,10 @@ def test_a_scheduler_that_goes_away_leaves_the_rest_waiting(
     assert _counts(tmp_path / "out")[State.DONE] == 40
 
 
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")
-def test_jobs_of_a_queue_measure_clips(tmp_path: Path) -> None:
-    dask = pytest.importorskip("dask")
-    pytest.importorskip("dask_jobqueue")
-    plan = _plan(tmp_path, 6)
-    described = {"jobqueue.local.cores": 1, "jobqueue.local.memory": "1GB"}
-    with dask.config.set(described):
-        progress = run(plan, lambda: cluster_crew("local", 2, plan.options))
-    assert (progress.done, progress.stopped) == (6, None)
-
-
 def test_an_address_where_nobody_answers_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pipelines.campaign.run._CONNECT_TIMEOUT_S", 0.3)
     with (
         pytest.raises(UsageError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"),
-        cluster_crew("tcp://127.0.0.1:9", 1, RunOptions()),
+        cluster_crew("tcp://127.0.0.1:9", RunOptions()),
     ):
         pass
-    with (
-        pytest.raises(UsageError, match="no Dask scheduler answers at slum") as refusal,
-        cluster_crew("slum", 1, RunOptions()),
-    ):
-        pass
-    assert "slurm" in str(refusal.value.hint)
-
-
-def test_a_queue_that_is_not_described_is_named() -> None:
-    pytest.importorskip("dask_jobqueue")
-    with (
-        pytest.raises(UsageError, match="the queue slurm is not configured") as refusal,
-        cluster_crew("slurm", 1, RunOptions()),
-    ):
-        pass
-    assert "jobqueue.slurm" in str(refusal.value.hint)
