@@ -197,6 +197,10 @@ class Estimate:
     low: float
     high: float
 
+    def to_dict(self) -> dict[str, object]:
+        """Its JSON in results."""
+        return {"value": self.value, "std": self.std, "interval_95": [self.low, self.high]}
+
 
 @dataclass(frozen=True)
 class CorLawFit:
@@ -235,6 +239,17 @@ class CorLawFit:
     def at(self, speed: float) -> Estimate:
         """Coefficient of restitution of the law at an impact speed, m/s."""
         return AveragedLaw((self,)).at(speed)
+
+    def to_dict(self) -> dict[str, object]:
+        """Its JSON in results: law, parameters, covariance, speeds, random effects."""
+        scatters = "strike_scatter", "session_scatter", "level_scatter"
+        return {
+            "law": str(self.law),
+            "parameters": {name: item.to_dict() for name, item in self.parameters.items()},
+            "covariance": self.covariance.tolist(),
+            "speeds": list(self.speeds),
+            **{name: getattr(self, name).to_dict() for name in scatters},
+        }
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,6 @@ from physics.cor_fit import (
     AveragedLaw,
     CorLawFit,
     CorPoints,
-    Estimate,
     LackOfFit,
     LawKind,
     fit_cor_laws,
@@ -55,7 +54,7 @@ if TYPE_CHECKING:
 
     from pipelines.report.plots import Panel, Picture
 
-__all__ = ["BallTableLaw", "TableLaws", "law", "law_command"]
+__all__ = ["LAW_FORMULAS", "BallTableLaw", "TableLaws", "law", "law_command"]
 
 FloatArray = NDArray[np.float64]
 
@@ -125,7 +124,7 @@ MAX_STRIKES = 20_000
 _MAX_LEVEL_SPEEDS = 50
 """Maximum number of levels listed in `cor_at`."""
 
-_FORMULAS = {
+LAW_FORMULAS = {
     LawKind.EXPONENTIAL: "e = a exp(-b v) + d",
     LawKind.POWER: "e = 1 - a v^(1/5)",
     LawKind.LINEAR: "e = d + k v",
@@ -181,7 +180,7 @@ class BallTableLaw:
                 f" {share:.2f} or more)."
             )
         else:
-            text = f"Most probable law: {first.law}, {_FORMULAS[first.law]}"
+            text = f"Most probable law: {first.law}, {LAW_FORMULAS[first.law]}"
             text += f" (probability {first.probability:.2f})."
         if test.p is not None and test.p < _FITS:
             spread = first.level_scatter.value
@@ -213,14 +212,11 @@ class BallTableLaw:
         fit, averaged = self.fits[0], AveragedLaw(self.fits)
         level = self.points.level
         return {
-            "law": str(fit.law),
+            **fit.to_dict(),
             "statement": self.statement,
-            "formula": _FORMULAS[fit.law],
+            "formula": LAW_FORMULAS[fit.law],
             "probability": fit.probability,
             "none_of_the_parametric_laws_fits": self.none_fits,
-            "parameters": {key: _estimate(item) for key, item in fit.parameters.items()},
-            "covariance": fit.covariance.tolist(),
-            "speeds": list(fit.speeds),
             "laws": {
                 str(one.law): {
                     "probability": one.probability,
@@ -231,9 +227,6 @@ class BallTableLaw:
             "cor_at": [self._at(averaged, speed) for speed in self.speeds()],
             "lack_of_fit_p": self.test.p,
             "lack_of_fit_reason": self.test.reason,
-            "strike_scatter": _estimate(fit.strike_scatter),
-            "session_scatter": _estimate(fit.session_scatter),
-            "level_scatter": _estimate(fit.level_scatter),
             "rows": rows,
             "levels": None if level is None else len(np.unique(level)),
             "sessions": len(np.unique(self.points.session)),
@@ -244,14 +237,10 @@ class BallTableLaw:
         following = averaged.next_strike(speed)
         return {
             "speed": speed,
-            **_estimate(averaged.level_mean(speed, self.points.repeats)),
+            **averaged.level_mean(speed, self.points.repeats).to_dict(),
             "law_std": averaged.at(speed).std,
             "next_strike_95": [following.low, following.high],
         }
-
-
-def _estimate(item: Estimate) -> dict[str, Any]:
-    return {"value": item.value, "std": item.std, "interval_95": [item.low, item.high]}
 
 
 @dataclass(frozen=True, eq=False)

@@ -124,8 +124,6 @@ class Agreement:
         95 % limits of agreement.
     limits_std : float
         Standard uncertainty of either limit, √(3/N) standard deviations.
-    slope, slope_std : float
-        Of the differences over the means: nonzero if the disagreement grows with the quantity.
     means, differences : (N,) array
     """
 
@@ -135,8 +133,6 @@ class Agreement:
     lower: float
     upper: float
     limits_std: float
-    slope: float
-    slope_std: float
     pairs: int
     means: FloatArray
     differences: FloatArray
@@ -158,7 +154,6 @@ def agreement(camera: FloatArray, sensor: FloatArray) -> Agreement | None:
         return None
     differences, means = camera - sensor, (camera + sensor) / 2
     bias, scatter = float(differences.mean()), float(differences.std(ddof=1))
-    slope, slope_std = _slope(means, differences)
     return Agreement(
         bias=bias,
         bias_std=scatter / np.sqrt(number),
@@ -166,22 +161,10 @@ def agreement(camera: FloatArray, sensor: FloatArray) -> Agreement | None:
         lower=bias - 1.96 * scatter,
         upper=bias + 1.96 * scatter,
         limits_std=float(np.sqrt(3 / number) * scatter),
-        slope=slope,
-        slope_std=slope_std,
         pairs=number,
         means=means,
         differences=differences,
     )
-
-
-def _slope(x: FloatArray, y: FloatArray) -> tuple[float, float]:
-    centred = x - x.mean()
-    spread = float((centred**2).sum())
-    if len(x) < 3 or spread == 0:
-        return 0.0, float("inf")
-    slope = float((centred * y).sum()) / spread
-    rest = y - y.mean() - slope * centred
-    return slope, float(np.sqrt((rest**2).sum() / (len(x) - 2) / spread))
 
 
 ESD_SIGNIFICANCE = 0.05

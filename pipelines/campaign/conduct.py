@@ -18,7 +18,7 @@ from measuring.setup.tables import checked_values
 from metrology import ImpactVisionError, MeasurementError, UsageError, write_text_whole
 from metrology.files import printable
 from physics.bodies import BALLS
-from physics.cor_fit import AveragedLaw, Estimate, LawKind, lack_of_fit
+from physics.cor_fit import AveragedLaw, LawKind, lack_of_fit
 from pipelines.api.explained import explain as find_missing_physics
 from pipelines.api.quantities import measure_options, setup_from
 from pipelines.api.wording import worded_for_python
@@ -123,14 +123,8 @@ def _ball(ball: BallAnalysis) -> dict[str, Any]:
     speeds = [low + (high - low) * i / (_SUMMARY_SPEEDS - 1) for i in range(_SUMMARY_SPEEDS)]
     precision = ball.precision
     return {
-        "law": str(fit.law),
+        **fit.to_dict(),
         "clips": len(ball.clips),
-        "speeds": [low, high],
-        "parameters": {name: _estimate(item) for name, item in fit.parameters.items()},
-        "covariance": fit.covariance.tolist(),
-        "strike_scatter": _estimate(fit.strike_scatter),
-        "session_scatter": _estimate(fit.session_scatter),
-        "level_scatter": _estimate(fit.level_scatter),
         "lack_of_fit_p": _lack_of_fit_p(ball),
         "cor_at": [_at(AveragedLaw(ball.fits), speed) for speed in speeds],
         "laws": {str(other.law): other.probability for other in ball.fits},
@@ -153,15 +147,11 @@ def _lack_of_fit_p(ball: BallAnalysis) -> float | None:
     return None if ball.points is None else lack_of_fit(law, ball.points).p
 
 
-def _estimate(item: Estimate) -> dict[str, Any]:
-    return {"value": item.value, "std": item.std, "interval_95": [item.low, item.high]}
-
-
 def _at(averaged: AveragedLaw, speed: float) -> dict[str, Any]:
     following = averaged.next_strike(speed)
     return {
         "speed": speed,
-        **_estimate(averaged.at(speed)),
+        **averaged.at(speed).to_dict(),
         "next_strike_95": [following.low, following.high],
     }
 

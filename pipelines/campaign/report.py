@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import numpy as np
 from jinja2 import Environment, StrictUndefined
@@ -24,6 +25,7 @@ from pipelines.campaign.analysis import BallAnalysis, CampaignAnalysis, SensorAn
 from pipelines.campaign.ledger import State
 from pipelines.campaign.results import SENSORS, ClipResult
 from pipelines.doors import DATE
+from pipelines.law import LAW_FORMULAS
 from pipelines.report.plots import draw_into
 
 __all__ = ["ReportFacts", "draw_figures", "svg_text", "write_figures", "write_report"]
@@ -52,19 +54,15 @@ def draw_figures(analysis: CampaignAnalysis, *, against_paper: bool = False) -> 
     if not balls:
         return drawn
     drawn["cor"] = _cor(balls, against_paper)
-    simple: tuple[tuple[str, str, str], ...] = (
-        ("contact_time", "contact_time", "contact time / ms"),
-        ("ball_speed", "ball_speed", "ball's speed after contact / (m/s)"),
-        ("launch_angle", "launch_angle", "launch angle / deg"),
-    )
-    for name, quantity, label in simple:
-        figure = _against_speed(balls, quantity, label, 1e3 if quantity == "contact_time" else 1.0)
-        if figure is not None:
-            drawn[name] = figure
-    for name, draw in (("impulse", _impulse), ("energy_loss", _energy), ("ranges", _ranges)):
-        figure = draw(balls)
-        if figure is not None:
-            drawn[name] = figure
+    others = {
+        "contact_time": _contact_time(balls),
+        "ball_speed": _against_speed(balls, "ball_speed", "ball's speed after contact / (m/s)"),
+        "launch_angle": _against_speed(balls, "launch_angle", "launch angle / deg"),
+        "impulse": _impulse(balls),
+        "energy_loss": _energy(balls),
+        "ranges": _ranges(balls),
+    }
+    drawn |= {name: figure for name, figure in others.items() if figure is not None}
     for one in analysis.sensors:
         drawn[f"agreement_{one.sensor.quantity}"] = _agreement(one)
     return drawn
@@ -73,11 +71,15 @@ def draw_figures(analysis: CampaignAnalysis, *, against_paper: bool = False) -> 
 def _axes(x: str, y: str) -> tuple[Figure, Axes]:
     figure = Figure(figsize=_FIGURE_SIZE, layout="constrained")
     axes = figure.add_subplot()
-    axes.set_xlabel(x)
+    _styled(axes, y).set_xlabel(x)
+    return figure, axes
+
+
+def _styled(axes: Axes, y: str) -> Axes:
     axes.set_ylabel(y)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(alpha=0.25, linewidth=0.6)
-    return figure, axes
+    return axes
 
 
 _SPEED_AXIS = "impact speed / (m/s)"
@@ -88,6 +90,14 @@ def _of(clips: Sequence[ClipResult], name: str) -> tuple[FloatArray, FloatArray]
     return pairs[:, 0], pairs[:, 1]
 
 
+def _speeds(ball: BallAnalysis) -> FloatArray:
+    return _of(ball.clips, "pendulum_speed_before")[0]
+
+
+def _points(axes: Axes, x: FloatArray, y: FloatArray, std: FloatArray, **style: Any) -> None:
+    axes.errorbar(x, y, std, fmt="o", ms=3.5, lw=0.8, **style)
+
+
 def _label(ball: BallAnalysis) -> str:
     return ball.ball or "ball"
 
@@ -95,8 +105,8 @@ def _label(ball: BallAnalysis) -> str:
 def _cor(balls: Sequence[BallAnalysis], against_paper: bool) -> Figure:
     figure, axes = _axes(_SPEED_AXIS, "coefficient of restitution")
     for ball, colour in zip(balls, _cycle(), strict=False):
-        (speed, _), (cor, std) = _of(ball.clips, "pendulum_speed_before"), _of(ball.clips, "cor")
-        axes.errorbar(speed, cor, std, fmt="o", ms=3.5, lw=0.8, color=colour, label=_label(ball))
+        speed, (cor, std) = _speeds(ball), _of(ball.clips, "cor")
+        _points(axes, speed, cor, std, color=colour, label=_label(ball))
         for outlier in ball.outliers:
             at = speed[outlier.index], cor[outlier.index]
             axes.plot(*at, "o", ms=11, mfc="none", mec=colour)
@@ -117,9 +127,12 @@ def _cor(balls: Sequence[BallAnalysis], against_paper: bool) -> Figure:
     return figure
 
 
-def _legend(figure: Figure) -> None:
-    """Legend below the axes: inside it would hide points in the corners."""
+def _legend(figure: Figure) -> Figure | None:
+    """Add a legend below the axes: inside it would hide points; None if nothing is drawn."""
+    if not any(axes.get_legend_handles_labels()[1] for axes in figure.axes):
+        return None
     figure.legend(loc="outside lower center", ncols=2, fontsize=8)
+    return figure
 
 
 def _band(axes: Axes, ball: BallAnalysis, colour: str) -> None:
@@ -128,24 +141,11 @@ def _band(axes: Axes, ball: BallAnalysis, colour: str) -> None:
     averaged = AveragedLaw(ball.fits)
     of_law = [averaged.at(v) for v in grid]
     following = [averaged.next_strike(v) for v in grid]
-    axes.plot(
-        grid,
-        [e.value for e in of_law],
-        color=colour,
-        lw=1.4,
-        label=f"{_label(ball)}: mean of the laws (most probable: {fit.law}, {fit.probability:.0%})",
-    )
-    axes.fill_between(
-        grid, [e.low for e in of_law], [e.high for e in of_law], color=colour, alpha=0.3, lw=0
-    )
-    axes.fill_between(
-        grid,
-        [e.low for e in following],
-        [e.high for e in following],
-        color=colour,
-        alpha=0.12,
-        lw=0,
-    )
+    label = f"{_label(ball)}: mean of the laws (most probable: {fit.law}, {fit.probability:.0%})"
+    axes.plot(grid, [e.value for e in of_law], color=colour, lw=1.4, label=label)
+    for band, alpha in ((of_law, 0.3), (following, 0.12)):
+        low, high = [e.low for e in band], [e.high for e in band]
+        axes.fill_between(grid, low, high, color=colour, alpha=alpha, lw=0)
 
 
 def _span(values: FloatArray) -> tuple[float, float]:
@@ -157,38 +157,35 @@ def _cycle() -> tuple[str, ...]:
 
 
 def _against_speed(
-    balls: Sequence[BallAnalysis], quantity: str, label: str, factor: float
+    balls: Sequence[BallAnalysis], quantity: str, label: str, factor: float = 1.0
 ) -> Figure | None:
     figure, axes = _axes(_SPEED_AXIS, label)
-    any_drawn = False
-    for ball, colour in zip(balls, _cycle(), strict=False):
-        speed = _of(ball.clips, "pendulum_speed_before")[0]
+    for ball, colour in _measured(balls, quantity):
         value, std = _of(ball.clips, quantity)
         whole = np.isfinite(value)
-        if not whole.any():
-            continue
-        any_drawn = True
-        axes.errorbar(
-            speed[whole],
-            factor * value[whole],
-            factor * std[whole],
-            fmt="o",
-            ms=3.5,
-            lw=0.8,
-            color=colour,
-            label=f"{_label(ball)}, video",
-        )
+        shown = factor * value[whole], factor * std[whole]
+        _points(axes, _speeds(ball)[whole], *shown, color=colour, label=f"{_label(ball)}, video")
         if quantity == _FSR.quantity:
-            _sensor_and_model(axes, ball, speed, colour, factor)
-    if any_drawn:
-        _legend(figure)
-    return figure if any_drawn else None
+            _sensor_and_model(axes, ball, colour, factor)
+    return _legend(figure)
 
 
-def _sensor_and_model(
-    axes: Axes, ball: BallAnalysis, speed: FloatArray, colour: str, factor: float
-) -> None:
+def _measured(balls: Sequence[BallAnalysis], quantity: str) -> list[tuple[BallAnalysis, str]]:
+    """Balls with a value of the quantity, each with its colour."""
+    return [
+        (ball, colour)
+        for ball, colour in zip(balls, _cycle(), strict=False)
+        if np.isfinite(_of(ball.clips, quantity)[0]).any()
+    ]
+
+
+def _contact_time(balls: Sequence[BallAnalysis]) -> Figure | None:
+    return _against_speed(balls, _FSR.quantity, "contact time / ms", 1e3)
+
+
+def _sensor_and_model(axes: Axes, ball: BallAnalysis, colour: str, factor: float) -> None:
     """Add the contact times of the force sensor and of the contact model."""
+    speed = _speeds(ball)
     read = [None if one.strike is None else one.strike.sensor(_FSR) for one in ball.clips]
     seen = np.array([np.nan if pair is None else pair[0] for pair in read])
     if np.isfinite(seen).any():
@@ -196,88 +193,35 @@ def _sensor_and_model(
     known = bodies.BALLS.get(ball.ball)
     if known is not None:
         grid = np.linspace(*_span(speed), 40)
-        axes.plot(
-            grid,
-            factor * np.asarray(known.contact_time(grid)),
-            "--",
-            lw=1,
-            color=colour,
-            label=f"{_label(ball)}, contact model",
-        )
+        time = factor * np.asarray(known.contact_time(grid))
+        axes.plot(grid, time, "--", lw=1, color=colour, label=f"{_label(ball)}, contact model")
 
 
 def _impulse(balls: Sequence[BallAnalysis]) -> Figure | None:
     figure = Figure(figsize=(_FIGURE_SIZE[0], 1.5 * _FIGURE_SIZE[1]), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
-    any_drawn = False
-    for ball, colour in zip(balls, _cycle(), strict=False):
-        speed = _of(ball.clips, "pendulum_speed_before")[0]
-        measured, std = _of(ball.clips, "external_impulse")
-        if not np.isfinite(measured).any():
-            continue
-        any_drawn = True
-        upper.errorbar(
-            speed,
-            measured,
-            std,
-            fmt="o",
-            ms=3.5,
-            lw=0.8,
-            color=colour,
-            label=f"{_label(ball)}, measured",
-        )
-        upper.plot(
-            speed,
-            ball.impulse[:, 0],
-            "_",
-            ms=9,
-            color=colour,
-            label=f"{_label(ball)}, Eq. 9 with its COR",
-        )
+    _styled(upper, "external impulse / (N s)")
+    _styled(lower, "mean contact force / N").set_xlabel(_SPEED_AXIS)
+    for ball, colour in _measured(balls, "external_impulse"):
+        speed, (impulse, std) = _speeds(ball), _of(ball.clips, "external_impulse")
+        _points(upper, speed, impulse, std, color=colour, label=f"{_label(ball)}, measured")
+        label = f"{_label(ball)}, Eq. 9 with its COR"
+        upper.plot(speed, ball.impulse[:, 0], "_", ms=9, color=colour, label=label)
         time, time_std = _of(ball.clips, "contact_time")
-        force = measured / time
-        force_std = force * np.hypot(std / measured, time_std / time)
-        lower.errorbar(speed, force, force_std, fmt="o", ms=3.5, lw=0.8, color=colour)
-    upper.set_ylabel("external impulse / (N s)")
-    lower.set_ylabel("mean contact force / N")
-    lower.set_xlabel(_SPEED_AXIS)
-    for axes in (upper, lower):
-        axes.grid(alpha=0.25, linewidth=0.6)
-        axes.spines[["top", "right"]].set_visible(False)
-    if any_drawn:
-        _legend(figure)
-    return figure if any_drawn else None
+        force = impulse / time
+        force_std = force * np.hypot(std / impulse, time_std / time)
+        _points(lower, speed, force, force_std, color=colour)
+    return _legend(figure)
 
 
 def _energy(balls: Sequence[BallAnalysis]) -> Figure | None:
     figure, axes = _axes(_SPEED_AXIS, "energy lost by the pendulum / J")
-    any_drawn = False
-    for ball, colour in zip(balls, _cycle(), strict=False):
-        speed = _of(ball.clips, "pendulum_speed_before")[0]
-        value, std = _of(ball.clips, "energy_loss")
-        if np.isfinite(value).any():
-            any_drawn = True
-            axes.errorbar(
-                speed,
-                value,
-                std,
-                fmt="o",
-                ms=3.5,
-                lw=0.8,
-                color=colour,
-                label=f"{_label(ball)}, Eq. 19",
-            )
-            axes.plot(
-                speed,
-                ball.energy_loss[:, 1],
-                "_",
-                ms=9,
-                color=colour,
-                label=f"{_label(ball)}, Eq. 20 (approximate)",
-            )
-    if any_drawn:
-        _legend(figure)
-    return figure if any_drawn else None
+    for ball, colour in _measured(balls, "energy_loss"):
+        speed, (lost, std) = _speeds(ball), _of(ball.clips, "energy_loss")
+        _points(axes, speed, lost, std, color=colour, label=f"{_label(ball)}, Eq. 19")
+        label = f"{_label(ball)}, Eq. 20 (approximate)"
+        axes.plot(speed, ball.energy_loss[:, 1], "_", ms=9, color=colour, label=label)
+    return _legend(figure)
 
 
 def _ranges(balls: Sequence[BallAnalysis]) -> Figure | None:
@@ -468,7 +412,7 @@ def _ball(ball: BallAnalysis) -> dict[str, object]:
         "clips": len(ball.clips),
         "why": None,
         "law": str(fit.law),
-        "formula": _FORMULA[str(fit.law)],
+        "formula": LAW_FORMULAS[fit.law],
         "laws": laws,
         "parameters": [(name, _pm(item.value, item.std)) for name, item in fit.parameters.items()],
         "at": [
@@ -489,15 +433,6 @@ def _ball(ball: BallAnalysis) -> dict[str, object]:
         if ball.ranges is None
         else {name: f"{1e3 * value:.0f} mm" for name, value in ball.ranges.rms().items()},
     }
-
-
-_FORMULA = {
-    "exponential": "e = a exp(−b v) + d",
-    "power": "e = 1 − a v^(1/5)",
-    "linear": "e = d + k v",
-    "constant": "e = d",
-    "free": "monotone curve through e1 … e9, evenly over the speeds",
-}
 
 
 def _sessions(analysis: CampaignAnalysis) -> list[dict[str, object]]:
