@@ -22,7 +22,7 @@ from bench.concealed.sample import CONCEALED, PAPER_LAB
 from bench.concealed.world.design import Noise, draw_design
 from bench.real.made import SwingRig, write_swings
 from metrology import write_text_whole
-from pipelines.explain.campaign import explain_files_in_full
+from pipelines.explain.campaign import explain_files
 
 __all__ = ["Cost", "make_strikes", "make_swing", "measure_cost"]
 
@@ -72,7 +72,7 @@ def measure_cost(folder: Path) -> Cost:
     """Explain a folder's campaign; the memory is that of the whole process."""
     ball = folder / "ball.csv"
     start = time.process_time()
-    explained = explain_files_in_full(
+    explained = explain_files(
         ball if ball.exists() else None, folder / "pendulum.csv", folder / "setup.toml"
     )
     seconds = time.process_time() - start

@@ -208,7 +208,7 @@ def write_text_whole(path: Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
-def write_each(writers: Iterable[Callable[[], None]]) -> None:
+def write_each(writers: Iterable[Callable[[], object]]) -> None:
     """Write several files; one that can't be written does not stop the others.
 
     Raises

@@ -1,7 +1,6 @@
 """`vision law`: fit a law of restitution to strikes, heights or bounce times."""
 
 import itertools
-import json
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -16,7 +15,7 @@ import typer
 from numpy.typing import NDArray
 
 from measuring.setup.cor_file import ball_law, write_cor_file
-from measuring.setup.file import meant_name
+from measuring.setup.file import meant_name, setup_from
 from measuring.setup.tables import BallSetup, Setup
 from metrology import (
     DomainError,
@@ -24,7 +23,6 @@ from metrology import (
     TooLittleDataError,
     UsageError,
     parse_quantity,
-    write_text_whole,
 )
 from metrology.quantity import format_pair
 from physics.bodies import BALLS, GRAVITY, PAPER_PENDULUM
@@ -39,7 +37,6 @@ from physics.cor_fit import (
     repeated_levels,
 )
 from physics.rebound import FallingBall
-from pipelines.api.quantities import setup_from
 from pipelines.doors import FileRole as _FileRole
 from pipelines.doors import QuietOption, ReportOption, ResultsJsonOption, SetupFileOption
 from pipelines.interop.sheets import read_table
@@ -47,7 +44,7 @@ from pipelines.interop.tables import plain_name, unit_of
 from pipelines.measure.files import software_version
 from pipelines.report.inputs import ReportInput
 from pipelines.report.page import write_report
-from pipelines.terminal import screen
+from pipelines.terminal import screen, write_json
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -837,16 +834,12 @@ def law_command(
         found.save(save)
     if report is not None:
         found.report(report)
-    document = json.dumps(found.to_dict(), indent=1, allow_nan=False)
-    if json_file == "-":
-        typer.echo(document)
-    elif json_file is not None:
-        write_text_whole(Path(json_file), document + "\n")
+    taken = write_json(found.to_dict(), json_file)
     if quiet:
         return
     for warning in found.warnings:
         screen(errors=True).print(warning, soft_wrap=True, markup=False)
-    if json_file != "-":
+    if not taken:
         for line in _lines(found):
             screen().print(line, soft_wrap=True, markup=False, highlight=False)
 

@@ -6,9 +6,7 @@ Simulates a strike from back-swing or impact speed to landing, or inverts it for
 
 import csv
 import io
-import json
 import math
-import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -26,8 +24,8 @@ from measuring.setup.file import (
     RigNumber,
     Setup,
     ball_from_option,
-    load_setup,
     rig_of,
+    setup_from,
 )
 from measuring.setup.tables import read_parameter
 from metrology import (
@@ -75,7 +73,7 @@ from pipelines.doors import (
     ResultsJsonOption,
     SetupFileOption,
 )
-from pipelines.terminal import screen
+from pipelines.terminal import screen, write_json
 
 if TYPE_CHECKING:
     from pipelines.report.plots import Picture
@@ -101,11 +99,10 @@ __all__ = [
     "plan_figure",
     "planned_figure",
     "quantities_as_csv",
-    "quantities_as_json",
+    "quantities_document",
     "saved_figure",
     "scatter_of",
     "send_out",
-    "setup_or_default",
     "simulate",
     "simulate_command",
     "speed_with_losses",
@@ -113,11 +110,6 @@ __all__ = [
 ]
 
 _DEFAULT_BALL = "jokku"
-
-
-def setup_or_default(path: Path | None) -> Setup:
-    """The setup file, or the paper's experiment without one."""
-    return Setup() if path is None else load_setup(path)
 
 
 def choose_ball(setup: Setup, option: str | None) -> bodies.Ball:
@@ -307,26 +299,17 @@ def scatter_of(setup: Setup, ball: BallSetup | None = None) -> PlanScatter:
     return PlanScatter(**given)
 
 
-def quantities_as_json(
+def quantities_document(
     quantities: Sequence[Quantity], warnings: Sequence[str], **extra: Any
-) -> str:
+) -> dict[str, Any]:
     """The contract's ``{"quantities": …, "warnings": …}`` with any further keys."""
-    table: dict[str, Any] = {}
-    for quantity in quantities:
-        if quantity.known:
-            table[quantity.name] = {
-                "value": quantity.value,
-                "std": quantity.std,
-                "unit": quantity.unit,
-            }
-        else:
-            table[quantity.name] = {
-                "value": None,
-                "unit": quantity.unit,
-                "reason": quantity.reason,
-            }
-    document = {"quantities": table, "warnings": list(warnings), **extra}
-    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+    table = {
+        one.name: {"value": one.value, "std": one.std, "unit": one.unit}
+        if one.known
+        else {"value": None, "unit": one.unit, "reason": one.reason}
+        for one in quantities
+    }
+    return {"quantities": table, "warnings": list(warnings), **extra}
 
 
 _UNIT_SUFFIX = {"1": "", "m/s": "_m_s", "N s": "_N_s"}
@@ -356,14 +339,9 @@ def send_out(
     quiet: bool,
 ) -> None:
     """Write the requested output: JSON, CSV, and a table on stdout unless JSON goes there."""
-    document = quantities_as_json(quantities, warnings)
     if csv_to is not None:
         write_text_whole(csv_to, quantities_as_csv(quantities))
-    if json_to not in (None, "-"):
-        write_text_whole(Path(str(json_to)), document + "\n")
-    if json_to == "-":
-        sys.stdout.write(document + "\n")
-    elif not quiet:
+    if not write_json(quantities_document(quantities, warnings), json_to) and not quiet:
         screen().print(_table(title, quantities))
     if not quiet:
         shell = screen(errors=True)
@@ -955,7 +933,7 @@ def simulate_command(
 
     Example: vision simulate --backswing "90 deg" --ball jokku --effect magnus:spin=10
     """
-    known = setup_or_default(setup)
+    known = setup_from(setup)
     wanted = asked(known, ball, cor, drag, cor_law)
     released = (
         None if backswing is None else read_number(backswing, measurands.BACKSWING, "--backswing")
@@ -1169,7 +1147,7 @@ def plan_command(
 
     For the number of strikes a law of restitution needs, see: vision plan campaign --help
     """
-    known = setup_or_default(setup)
+    known = setup_from(setup)
     wanted = asked(known, ball, cor, drag, cor_law)
     metres = read_number(distance, measurands.DISTANCE, "--distance")
     scatter = scatter_of(known, wanted.ball)

@@ -6,9 +6,7 @@ its Eqs 26 and 27, and candidate explanations of the 16 simulated distances of T
 our results as lines, the paper's as points.
 """
 
-import json
 import math
-import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -57,9 +55,9 @@ from physics.forward import (
 )
 from physics.restitution import ConstantCor, CorLaw, ExponentialCor
 from physics.swing import backswing_for_speed, frictionless_speed
-from pipelines.doors import FileRole
+from pipelines.doors import FileRole, ResultsJsonOption
 from pipelines.model import BLUE, GRAY, ORANGE, saved_figure
-from pipelines.terminal import screen
+from pipelines.terminal import screen, write_json
 
 __all__ = [
     "BACKSWINGS_DEG",
@@ -1008,11 +1006,7 @@ def _cell_table(cells: tuple[Cell, ...], number: int, notes: list[str]) -> Table
 
 
 def paper_command(
-    json_to: Annotated[
-        str | None,
-        typer.Option("--json", help="Cells as JSON; - for stdout.", metavar="FILE"),
-        FileRole.WRITES,
-    ] = None,
+    json_to: ResultsJsonOption = None,
     csv_to: Annotated[
         Path | None, typer.Option("--csv", help="Cells as CSV."), FileRole.WRITES
     ] = None,
@@ -1041,7 +1035,6 @@ def paper_command(
         "conclusions": [asdict(one) for one in conclusions()],
         "swing": [asdict(one) for one in swing_checks()],
     }
-    document = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
     if csv_to is not None:
         import pandas as pd
 
@@ -1049,11 +1042,7 @@ def paper_command(
     if figures is not None:
         draw_figures(figures)
         draw_sensitivities(figures / "sensitivity_of_cor.png")
-    if json_to not in (None, "-"):
-        write_text_whole(Path(str(json_to)), document + "\n")
-    if json_to == "-":
-        sys.stdout.write(document + "\n")
-    elif not quiet:
+    if not write_json(content, json_to) and not quiet:
         _show(cells, candidates)
 
 

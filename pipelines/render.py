@@ -10,7 +10,7 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from calib.camera import Camera, rotation_matrix
-from measuring.setup.file import Setup
+from measuring.setup.file import Setup, setup_from
 from metrology import UsageError, measurands, parse_quantity, read_number
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT
 from pipelines.doors import EffectOption, FileRole, NamedBallOption, SetupFileOption
@@ -18,7 +18,6 @@ from pipelines.model import (
     added_effects,
     choose_ball,
     experiment_of,
-    setup_or_default,
     start_angle,
 )
 from pipelines.terminal import screen
@@ -85,8 +84,8 @@ class RenderOptions:
     roll: float = 0.0
 
 
-def parse_size(text: str) -> tuple[int, int]:
-    """Width and height from ``432x240``.
+def parse_size(text: str, low: int = 32, high: int = 4096) -> tuple[int, int]:
+    """Width and height, px, from ``432x240``.
 
     Raises
     ------
@@ -95,12 +94,11 @@ def parse_size(text: str) -> tuple[int, int]:
     """
     found = re.fullmatch(r"\s*(\d{1,5})\s*[x×]\s*(\d{1,5})\s*", text)
     if found is None:
-        raise UsageError(f"--size {text!r} is not an image size", hint="Write it as 432x240.")
+        raise UsageError(f"{text!r} is not an image size", hint="Write it as 432x240.")
     width, height = int(found[1]), int(found[2])
-    if not (32 <= width <= 4096 and 32 <= height <= 4096):
+    if not low <= min(width, height) <= max(width, height) <= high:
         raise UsageError(
-            f"an image of {width} x {height} px can't be rendered",
-            hint="Give 32 to 4096 px each way.",
+            f"image size {width} × {height} px", hint=f"Give {low} to {high} px each way."
         )
     return width, height
 
@@ -307,7 +305,7 @@ def render_command(
             f"can't write {out}: there is no folder {out.parent}",
             hint="Make the folder first, or pass another as --out.",
         )
-    scene, shot = planned_scene(setup_or_default(setup), options)
+    scene, shot = planned_scene(setup_from(setup), options)
     _filmed(scene, shot, out, quiet)
     if not quiet:
         typer.echo(f"{out}\n{truth_path(out)}")

@@ -1,5 +1,6 @@
-"""Terminal output, commands as text, repeated warnings, command groups."""
+"""Terminal output, JSON, commands as text, repeated warnings, command groups."""
 
+import json
 import os
 import re
 import shlex
@@ -7,6 +8,7 @@ import sys
 import webbrowser
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, ClassVar
 
 import typer
@@ -21,6 +23,7 @@ __all__ = [
     "counted",
     "has_display",
     "screen",
+    "write_json",
 ]
 
 MIN_WIDTH_COLUMNS = 40
@@ -57,6 +60,20 @@ def screen(*, errors: bool = False) -> Console:
     console = _Screen(stderr=errors, markup=False, emoji=False, highlight=False)
     console.width = max(console.width, MIN_WIDTH_COLUMNS)
     return console
+
+
+def write_json(document: object, to: str | None) -> bool:
+    """Write results to a file, or to stdout for ``-``; whether nothing else may go there."""
+    if to is None:
+        return False
+    from metrology import write_text_whole
+
+    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    if to == "-":
+        sys.stdout.write(text)
+        return True
+    write_text_whole(Path(to), text)
+    return False
 
 
 def as_typed(words: Sequence[object]) -> str:

@@ -20,7 +20,7 @@ from bench.concealed.foreign import CONTRACT_ID
 from bench.concealed.statistics import brier_score, calibration_error, wilson
 from metrology import write_text_whole, written_whole
 from mismatch.acceptance import FEATURES, NameEvidence, features_of
-from pipelines.explain.campaign import explain_files_in_full
+from pipelines.explain.campaign import explain_files
 from pipelines.report.plots import Picture
 
 __all__ = ["evidence_table", "fit_logistic", "leave_one_out", "right_ids"]
@@ -68,7 +68,7 @@ def evidence_table(folder: Path, cache: Path) -> list[dict[str, Any]]:
     output = cache / f"{folder.parent.name}-{folder.name}.json"
     if not output.exists():
         ball, pendulum = folder / "ball.csv", folder / "pendulum.csv"
-        explained = explain_files_in_full(
+        explained = explain_files(
             ball if ball.exists() else None,
             pendulum if pendulum.exists() else None,
             folder / "setup.toml",

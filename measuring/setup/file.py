@@ -5,6 +5,7 @@ Every key is optional; an unknown key is an error that names the nearest valid o
 
 import difflib
 import math
+import os
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
@@ -62,12 +63,14 @@ __all__ = [
     "RigNumber",
     "ScatterSetup",
     "Setup",
+    "SetupLike",
     "WallSetup",
     "ball_from_option",
     "load_setup",
     "meant_name",
     "read_setup",
     "rig_of",
+    "setup_from",
     "setup_from_document",
 ]
 
@@ -80,6 +83,23 @@ is the speed of a pendulum of 1.6 m length released upright)."""
 
 MAX_LISTED_MISTAKES = 12
 """Maximum number of mistakes listed in one message (chosen: half a screen)."""
+
+
+SetupLike = Setup | str | os.PathLike[str] | None
+"""A setup, its file, or none."""
+
+
+def setup_from(setup: SetupLike) -> Setup:
+    """The setup itself, read from its file, or an empty one.
+
+    Raises
+    ------
+    SetupError
+        If the file can't be read.
+    """
+    if setup is None:
+        return Setup()
+    return setup if isinstance(setup, Setup) else load_setup(Path(setup))
 
 
 def load_setup(path: Path) -> Setup:

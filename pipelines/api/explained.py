@@ -5,15 +5,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from measuring.setup.file import SetupLike, setup_from
 from measuring.setup.tables import checked_values
 from metrology import UsageError
 from mismatch import EngineVerdict as Answer
 from mismatch import ExplainedCampaign
 from mismatch.trial_table import TableExplained
 from physics.effects import Effect
-from pipelines.api.quantities import SetupLike, setup_from
 from pipelines.api.wording import worded_for_python
-from pipelines.explain.campaign import explain_files_in_full, explain_table_file
+from pipelines.explain.campaign import explain_files, explain_table_file
 from pipelines.explain.report import figure_of, verdict_html, write_explain_report
 from pipelines.explain.tabular import TableLike
 
@@ -129,7 +129,7 @@ def explain(
             )
         return Verdict(explain_table_file(_table(trials), known, held, own))
     return Verdict(
-        explain_files_in_full(
+        explain_files(
             None if balls is None else _table(balls),
             None if pendulum is None else _table(pendulum),
             known,

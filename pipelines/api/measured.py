@@ -1,7 +1,7 @@
 """`measure`, `Clip`, `render` and `calibrate`: clips in Python."""
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
@@ -13,7 +13,7 @@ from calib.calibration import Calibration
 from measuring import measurement as chain
 from measuring.chain import measure_clip
 from measuring.measurement import bob_pendulum, track_covariance, tracks_as_frame
-from measuring.setup.file import Setup, read_setup
+from measuring.setup.file import Setup, SetupLike, read_setup, setup_from
 from measuring.setup.tables import ModelSetup, checked_values
 from metrology import (
     CalibrationError,
@@ -27,15 +27,12 @@ from metrology import (
 from pipelines.api.quantities import (
     At,
     Given,
-    Quantities,
+    HasQuantities,
     QuantityView,
-    SetupLike,
     angle_from,
-    as_document,
     length_text,
     measure_options,
     point_from,
-    setup_from,
 )
 from pipelines.api.shown import correlated, notebook_progress
 from pipelines.api.wording import in_python, worded_for_python
@@ -75,7 +72,7 @@ if TYPE_CHECKING:
 __all__ = ["CalibratedClip", "Clip", "Measurement", "calibrate", "measure", "render"]
 
 
-class Measurement:
+class Measurement(HasQuantities):
     """All results of one clip. Every quantity is also an attribute: ``m.ball_speed``.
 
     Parameters
@@ -89,6 +86,8 @@ class Measurement:
     ----------
     quantities : Mapping of str to QuantityView
         In the order of the results table; missing ones carry a reason.
+    warnings : tuple of str
+        Whole sentences; contradictory inputs and what is assumed come first.
     record : measuring.measurement.ClipMeasurement
         The result itself: tracks in pixels, calibration, fits.
     """
@@ -96,30 +95,14 @@ class Measurement:
     def __init__(self, record: chain.ClipMeasurement, setup: Setup | None = None) -> None:
         self.record = record
         self._setup = Setup() if setup is None else setup
-        self.quantities: Mapping[str, QuantityView] = Quantities(
-            (*record.quantities, *record.other_speeds), Path(record.info.path).name
-        )
+        super().__init__((*record.quantities, *record.other_speeds), Path(record.info.path).name)
+        self.warnings = tuple(map(in_python, record.warnings))
         self._correlated: dict[str, AffineScalarFunc] | None = None
-
-    def __getattr__(self, name: str) -> QuantityView:
-        quantities = self.__dict__.get("quantities", {})
-        if name in quantities:
-            found: QuantityView = quantities[name]
-            return found
-        raise AttributeError(f"a measurement has no {name!r}; its quantities: {[*quantities]}")
-
-    def __dir__(self) -> list[str]:
-        return [*super().__dir__(), *self.quantities]
 
     @property
     def motion(self) -> Motion:
         """Observed motion, with its probability."""
         return self.record.tracks.motion
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Warnings, as whole sentences; contradictory inputs and what is assumed come first."""
-        return tuple(map(in_python, self.record.warnings))
 
     @property
     def detections(self) -> "pd.DataFrame":
@@ -268,17 +251,9 @@ class Measurement:
         write_report(out, report_input(self.record, self._film()))
         return out
 
-    def __repr__(self) -> str:
-        return repr(self.quantities)
-
     def _repr_html_(self) -> str:
-        shown = report_input(self.record, self._clip())
-        return results_html(
-            Path(self.record.info.path).name,
-            (*self.record.quantities, *self.record.other_speeds),
-            self.warnings,
-            shown.still_png,
-        )
+        still = report_input(self.record, self._clip()).still_png
+        return results_html(self._title, self._plain, self.warnings, still)
 
     def _clip(self) -> ClipReader | None:
         """The clip, if its file still exists."""
@@ -562,7 +537,7 @@ def render(
     return render_clip(scene, shot, out)
 
 
-class CalibratedClip:
+class CalibratedClip(HasQuantities):
     """A calibrated view: camera, wall, ball plane, and the expected landing distance.
 
     Parameters
@@ -597,19 +572,11 @@ class CalibratedClip:
             found.append(
                 Quantity.measured("landing_distance", outlook.distance, "m", outlook.budget)
             )
-        self._named, self._plain, self._title = Quantities(found, title), found, title
-        self.quantities = self._named
+        super().__init__(found, title)
 
     def _depth(self, name: str, value: Callable[[Calibration], float]) -> Quantity:
         budget = self.calibration.budget(value)
         return Quantity.measured(name, value(self.calibration), "m", budget)
-
-    def __getattr__(self, name: str) -> QuantityView:
-        quantities = self.__dict__.get("quantities", {})
-        if name in quantities:
-            found: QuantityView = quantities[name]
-            return found
-        raise AttributeError(f"there is no {name!r}; there are: {[*quantities]}")
 
     @property
     def setup(self) -> Setup:
@@ -624,16 +591,6 @@ class CalibratedClip:
         written = self._session.save()
         # a calibrated view has a wall grid, and with it a lens file
         return written.setup, written.lens or lens_for(out)
-
-    def to_dict(self) -> dict[str, Any]:
-        """``{"quantities": …, "warnings": …}``."""
-        return as_document(self._named, self.warnings)
-
-    def __repr__(self) -> str:
-        return repr(self._named)
-
-    def _repr_html_(self) -> str:
-        return results_html(self._title, self._plain, self.warnings)
 
 
 @worded_for_python

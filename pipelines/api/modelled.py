@@ -1,11 +1,12 @@
 """`simulate`, `plan` and `cor`: the forward model and its inversions."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from measuring.setup.file import SetupLike, setup_from
 from measuring.setup.tables import checked_values
 from metrology import Quantity, UsageError, measurands, read_number
 from physics.air import PAPER_AIR, SUBCRITICAL_DRAG
@@ -13,13 +14,10 @@ from physics.bodies import GRAVITY
 from physics.forward import RangeInputs, cor_from_range
 from pipelines.api.quantities import (
     Given,
-    Quantities,
+    HasQuantities,
     QuantityView,
-    SetupLike,
     angle_from,
-    as_document,
     as_row,
-    setup_from,
 )
 from pipelines.api.wording import worded_for_python
 from pipelines.model import (
@@ -31,7 +29,6 @@ from pipelines.model import (
 )
 from pipelines.model import plan as plan_strike
 from pipelines.model import simulate as simulate_strike
-from pipelines.report.page import results_html
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -41,7 +38,7 @@ if TYPE_CHECKING:
 __all__ = ["ModelResult", "cor", "plan", "simulate"]
 
 
-class ModelResult:
+class ModelResult(HasQuantities):
     """Results of the forward model. Every quantity is also an attribute.
 
     Parameters
@@ -51,11 +48,6 @@ class ModelResult:
     title : str
     draw : callable
         Draws the figure.
-
-    Attributes
-    ----------
-    quantities : Mapping of str to QuantityView
-    warnings : tuple of str
     """
 
     def __init__(
@@ -65,40 +57,18 @@ class ModelResult:
         title: str,
         draw: "Callable[[], Picture]",
     ) -> None:
-        self._plain, self._title, self._draw = tuple(quantities), title, draw
-        self._named = Quantities(quantities, title)
-        self.quantities: Mapping[str, QuantityView] = self._named
-        self.warnings = warnings
-
-    def __getattr__(self, name: str) -> QuantityView:
-        quantities = self.__dict__.get("quantities", {})
-        if name in quantities:
-            found: QuantityView = quantities[name]
-            return found
-        raise AttributeError(f"there is no {name!r}; there are: {[*quantities]}")
-
-    def __dir__(self) -> list[str]:
-        return [*super().__dir__(), *self.quantities]
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON document of `simulate` and `plan` (contract)."""
-        return as_document(self._named, self.warnings)
+        super().__init__(quantities, title)
+        self.warnings, self._draw = warnings, draw
 
     def to_frame(self) -> "pd.DataFrame":
         """One row, columns NAME_UNIT and NAME_UNIT_std."""
         import pandas as pd
 
-        return pd.DataFrame([as_row(self._named)])
+        return pd.DataFrame([as_row(self.quantities)])
 
     def plot(self) -> "Picture":
         """The path, or distance over back-swing, as a matplotlib figure."""
         return self._draw()
-
-    def __repr__(self) -> str:
-        return repr(self._named)
-
-    def _repr_html_(self) -> str:
-        return results_html(self._title, self._plain, self.warnings)
 
 
 @worded_for_python

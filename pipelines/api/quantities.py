@@ -1,16 +1,14 @@
 """Quantities for notebooks, and conversion of user input."""
 
 import math
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from measuring.budget import Propagation
 from measuring.chain import MeasureOptions
 from measuring.measurement import Axes
-from measuring.setup.file import Setup, load_setup
+from measuring.setup.file import SetupLike, setup_from
 from metrology import (
     Contribution,
     MeasurementError,
@@ -33,16 +31,15 @@ if TYPE_CHECKING:
 __all__ = [
     "At",
     "Given",
+    "HasQuantities",
     "Quantities",
     "QuantityView",
-    "SetupLike",
     "angle_from",
     "as_document",
     "as_row",
     "length_text",
     "measure_options",
     "point_from",
-    "setup_from",
 ]
 
 
@@ -236,6 +233,48 @@ class Quantities(Mapping[str, QuantityView]):
         return results_html(self._title, self._plain)
 
 
+class HasQuantities:
+    """Base of results: every quantity is also an attribute.
+
+    Parameters
+    ----------
+    quantities : iterable of Quantity
+    title : str
+        Heading of the table.
+
+    Attributes
+    ----------
+    quantities : Mapping of str to QuantityView
+        In the order of the results table; missing ones carry a reason.
+    """
+
+    warnings: tuple[str, ...]
+
+    def __init__(self, quantities: Iterable[Quantity], title: str) -> None:
+        self._plain, self._title = tuple(quantities), title
+        self.quantities = Quantities(self._plain, title)
+
+    def __getattr__(self, name: str) -> QuantityView:
+        quantities = self.__dict__.get("quantities", {})
+        if name in quantities:
+            found: QuantityView = quantities[name]
+            return found
+        raise AttributeError(f"there is no {name!r}; its quantities: {[*quantities]}")
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self.quantities]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Document ``{"quantities": …, "warnings": …}`` of the contract."""
+        return as_document(self.quantities, self.warnings)
+
+    def __repr__(self) -> str:
+        return repr(self.quantities)
+
+    def _repr_html_(self) -> str:
+        return results_html(self._title, self._plain, self.warnings)
+
+
 def as_document(quantities: Quantities, warnings: Iterable[str]) -> dict[str, Any]:
     """Document ``{"quantities": …, "warnings": …}`` of the contract."""
     table: dict[str, Any] = {}
@@ -256,26 +295,11 @@ def as_row(quantities: Quantities) -> dict[str, object]:
     return without_formulas(row)
 
 
-SetupLike = Setup | str | os.PathLike[str] | None
-
 Given = float | str
 """A number in SI (angles: degrees), or a string with its unit."""
 
 At = Sequence[float] | str | None
 """``(x, y)``, ``(x, y, frame)`` or ``"x,y"``, px."""
-
-
-def setup_from(setup: SetupLike) -> Setup:
-    """The setup itself, read from its file, or an empty one.
-
-    Raises
-    ------
-    SetupError
-        If the file can't be read.
-    """
-    if setup is None:
-        return Setup()
-    return setup if isinstance(setup, Setup) else load_setup(Path(setup))
 
 
 def measure_options(

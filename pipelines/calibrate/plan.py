@@ -4,10 +4,7 @@ The stroke is simulated and its tracks are those that tracking would give. The c
 the grid as it would be seen; from there the measuring chain computes all budgets.
 """
 
-import json
 import math
-import re
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -47,7 +44,7 @@ from measuring.impact import find_impact
 from measuring.inputs import gather_inputs
 from measuring.metres import CameraMapping, scene_evidence, tracks_in_metres
 from measuring.results import Evaluated, NoScale, results_of
-from measuring.setup.file import BallSetup, CameraSetup, Setup, WallSetup
+from measuring.setup.file import BallSetup, CameraSetup, Setup, WallSetup, setup_from
 from metrology import (
     Defaults,
     MeasurementError,
@@ -56,16 +53,15 @@ from metrology import (
     measurands,
     parse_quantity,
     read_number,
-    write_text_whole,
 )
 from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT, Ball, Pendulum, Support
 from pipelines.doors import NamedBallOption, NoTableOption, ResultsJsonOption
 from pipelines.model import (
     choose_ball,
-    quantities_as_json,
-    setup_or_default,
+    quantities_document,
 )
-from pipelines.terminal import screen
+from pipelines.render import parse_size
+from pipelines.terminal import screen, write_json
 from sample_videos.bodies import pivot, swing_rotation
 from sample_videos.scene import Scene, Sensor
 from sample_videos.shot import Shot, default_scene, staged
@@ -587,8 +583,8 @@ def plan_filming_command(
 
     Example: vision calibrate plan --resolution 1280x720 --fps 240 --distance 3.5m --tape none
     """
-    known = setup_or_default(setup)
-    width, height = _size(resolution)
+    known = setup_from(setup)
+    width, height = parse_size(resolution, 64, 8192)
     filming = Filming(
         ball=choose_ball(known, ball),
         backswing_deg=math.degrees(read_number(backswing, measurands.BACKSWING, "--backswing")),
@@ -612,26 +608,11 @@ def plan_filming_command(
     if changes:
         with errors.status("") as status:
             tried = compare_changes(predicted, lambda words: status.update(f"trying: {words}"))
-    document = _document(predicted, tried)
-    if json_to not in (None, "-"):
-        write_text_whole(Path(str(json_to)), document + "\n")
-    if json_to == "-":
-        sys.stdout.write(document + "\n")
-    elif not quiet:
+    if not write_json(_document(predicted, tried), json_to) and not quiet:
         _print(screen(), predicted, tried)
     if not quiet:
         for warning in predicted.warnings:
             errors.print(f"warning: {warning}", soft_wrap=True)
-
-
-def _size(text: str) -> tuple[int, int]:
-    match = re.fullmatch(r"\s*(\d+)\s*[x×]\s*(\d+)\s*", text)
-    if match is None:
-        raise UsageError(f"{text!r} is not an image size", hint="Write width x height: 640x360.")
-    width, height = int(match[1]), int(match[2])
-    if not 64 <= min(width, height) <= max(width, height) <= 8192:
-        raise UsageError(f"image size {width} × {height} px", hint="Give 64 to 8192 px each way.")
-    return width, height
 
 
 def _positive(option: str, value: float) -> float:
@@ -651,24 +632,23 @@ def _view_asked(field_of_view: str | None, focal_length: str | None) -> float | 
     return read_number(field_of_view, measurands.FIELD_OF_VIEW, "--field-of-view")
 
 
-def _document(predicted: PlannedRecording, tried: tuple[FilmingChange, ...]) -> str:
+def _document(predicted: PlannedRecording, tried: tuple[FilmingChange, ...]) -> dict[str, Any]:
     extra: dict[str, Any] = {
         "metres_per_px": predicted.metres_per_px,
         "field_of_view_deg": _degrees(predicted),
         "noise_gray_levels": predicted.filming.noise.gray_std,
         "changes": [_change(change) for change in tried],
     }
-    return quantities_as_json(predicted.quantities, predicted.warnings, **extra)
+    return quantities_document(predicted.quantities, predicted.warnings, **extra)
 
 
 def _change(change: FilmingChange) -> dict[str, Any]:
-    table = json.loads(quantities_as_json(change.predicted.quantities, ()))["quantities"]
     return {
         "change": change.words,
         "gain": change.gain,
         "opens": list(change.opens),
         "closes": list(change.closes),
-        "quantities": table,
+        "quantities": quantities_document(change.predicted.quantities, ())["quantities"],
     }
 
 

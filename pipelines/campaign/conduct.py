@@ -13,14 +13,14 @@ import numpy as np
 import pandas as pd
 
 from measuring.setup.cor_file import BallLaw, ball_law, with_laws, write_cor_file
-from measuring.setup.file import Setup, ball_from_option, meant_name
+from measuring.setup.file import Setup, ball_from_option, meant_name, setup_from
 from measuring.setup.tables import checked_values
 from metrology import ImpactVisionError, MeasurementError, UsageError, write_text_whole
 from metrology.files import printable
 from physics.bodies import BALLS
 from physics.cor_fit import AveragedLaw, LawKind, lack_of_fit
 from pipelines.api.explained import explain as find_missing_physics
-from pipelines.api.quantities import measure_options, setup_from
+from pipelines.api.quantities import measure_options
 from pipelines.api.wording import worded_for_python
 from pipelines.campaign.analysis import BallAnalysis, CampaignAnalysis, analyse
 from pipelines.campaign.files import clip_key, refuse_occupied, staged, sweep

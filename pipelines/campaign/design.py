@@ -7,9 +7,7 @@ the speeds, P s² / N for P parameters and N strikes. Contributions shared by al
 session or setup do not average out and are added.
 """
 
-import json
 import math
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -20,16 +18,22 @@ import typer
 from numpy.typing import NDArray
 from rich.table import Table
 
-from measuring.setup.file import Rig, rig_of
-from metrology import Defaults, DomainError, MeasurementError, UsageError, write_text_whole
+from measuring.setup.file import Rig, rig_of, setup_from
+from metrology import Defaults, DomainError, MeasurementError, UsageError
 from physics.bodies import Ball, Pendulum
 from physics.restitution import ConstantCor, CorLaw, ExponentialCor
 from physics.swing import frictionless_speed
 from pipelines.campaign.ledger import Ledger
 from pipelines.campaign.results import ClipResult, clip_results, not_counted, recordings
-from pipelines.doors import CorLawOption, NamedBallOption, SetupFileOption
-from pipelines.model import asked, plan_command, scatter_of, setup_or_default
-from pipelines.terminal import DefaultCommandGroup, screen
+from pipelines.doors import (
+    CorLawOption,
+    NamedBallOption,
+    NoTableOption,
+    ResultsJsonOption,
+    SetupFileOption,
+)
+from pipelines.model import asked, plan_command, scatter_of
+from pipelines.terminal import DefaultCommandGroup, screen, write_json
 
 __all__ = [
     "PLAN_COMMANDS",
@@ -442,10 +446,6 @@ _SmallestOption = Annotated[float, typer.Option("--smallest", help="Smallest bac
 _LargestOption = Annotated[
     float, typer.Option("--largest", help="Largest back-swing of the rig, degrees.")
 ]
-_JsonToOption = Annotated[
-    str | None, typer.Option("--json", help="Results as JSON; - for stdout.", metavar="FILE")
-]
-_QuietOption = Annotated[bool, typer.Option("--quiet", help="No table.")]
 
 
 def plan_campaign_command(
@@ -456,15 +456,15 @@ def plan_campaign_command(
     pilot: _PilotOption = None,
     smallest: _SmallestOption = 20.0,
     largest: _LargestOption = 120.0,
-    json_to: _JsonToOption = None,
-    quiet: _QuietOption = False,
+    json_to: ResultsJsonOption = None,
+    quiet: NoTableOption = False,
 ) -> None:
     """Plan the strikes and back-swings that a law of restitution of a wanted precision needs.
 
     Also lists which setup inputs to measure better first. A pilot clip gives the best estimate:
     vision plan campaign --target-cor-std 0.003 --setup lab.toml --pilot campaign
     """
-    known = setup_or_default(setup)
+    known = setup_from(setup)
     wanted = asked(known, ball, "variable", None, cor_law)
     struck, pendulum = wanted.experiment.ball, wanted.experiment.pendulum
     chosen = known.balls.get(ball or "", known.ball)
@@ -488,12 +488,8 @@ def plan_campaign_command(
         backswings_deg=(smallest, largest),
         gravity=wanted.experiment.gravity,
     )
-    text = json.dumps(_document(design), indent=1)
-    if json_to == "-":
-        sys.stdout.write(text + "\n")
+    if write_json(_document(design), json_to):
         return
-    if json_to is not None:
-        write_text_whole(Path(json_to), text + "\n")
     if not quiet:
         _print_design(design)
     if not design.reachable:

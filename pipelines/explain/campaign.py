@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from measuring.setup.file import BallSetup, Origin, Setup, load_setup, rig_of
+from measuring.setup.file import BallSetup, Origin, Setup, rig_of, setup_from
 from metrology import Defaults, SetupError, TooLittleDataError, UsageError
-from mismatch import EngineVerdict, ExplainedCampaign, Options, explain_in_full
+from mismatch import ExplainedCampaign, Options, explain_in_full
 from mismatch.fitting.stated import stated_inputs
 from mismatch.records import (
     BallModel,
@@ -56,7 +56,6 @@ __all__ = [
     "explain_campaign",
     "explain_clips",
     "explain_files",
-    "explain_files_in_full",
     "explain_table_file",
     "is_trial_table",
     "load_campaign",
@@ -645,26 +644,6 @@ def _require_bounds(
             )
 
 
-def explain_trial_table(
-    path: TableLike,
-    setup: Setup,
-    hold_out: Sequence[str] = (),
-    own: Sequence[Effect] = (),
-) -> TableExplained:
-    """Explain a trial table with the setup's model.
-
-    Raises
-    ------
-    UsageError
-        For an invalid table or setup.
-    TooLittleDataError
-        If there are too few trials.
-    """
-    table = load_trial_table(path)
-    baseline = baseline_for_balls(setup, {name or "" for name in table.balls}, struck=True)
-    return explain_table(table, baseline, own=own, hold_out=hold_out)
-
-
 def _first(table: pd.DataFrame, names: Sequence[str]) -> str | None:
     return next((name for name in names if name in table.columns), None)
 
@@ -708,8 +687,8 @@ def explain_files(
     setup: Path | Setup,
     hold_out: tuple[str, ...] | None = None,
     effects: OwnEffects = None,
-) -> EngineVerdict:
-    """Explain a campaign from its tables.
+) -> ExplainedCampaign:
+    """Explain a campaign from its tables; with the fits needed by plots and reports.
 
     Parameters
     ----------
@@ -729,18 +708,7 @@ def explain_files(
     TooLittleDataError
         If there are too few data.
     """
-    return explain_files_in_full(ball, pendulum, setup, hold_out, effects).verdict
-
-
-def explain_files_in_full(
-    ball: TableLike | None,
-    pendulum: TableLike | None,
-    setup: Path | Setup,
-    hold_out: tuple[str, ...] | None = None,
-    effects: OwnEffects = None,
-) -> ExplainedCampaign:
-    """As `explain_files`, with the fits needed by plots and reports."""
-    known = setup if isinstance(setup, Setup) else load_setup(setup)
+    known = setup_from(setup)
     return explain_campaign(load_campaign(ball, pendulum, known), known, hold_out, effects)
 
 
@@ -776,7 +744,7 @@ def explain_clips(
     ClipError, MeasurementError
         If no clip can be read and measured.
     """
-    stated = setup if isinstance(setup, Setup) else load_setup(setup)
+    stated = setup_from(setup)
     known = with_rig(stated)
     facts = None if trials is None else clip_facts(trials)
     compared = has_rig(stated) if strikes is None else strikes
@@ -799,10 +767,11 @@ def explain_table_file(
     TooLittleDataError
         If there are too few trials.
     """
-    known = setup if isinstance(setup, Setup) else load_setup(setup)
-    own = _own(effects)
+    rows, own = load_trial_table(table), _own(effects)
+    names = {name or "" for name in rows.balls}
+    baseline = baseline_for_balls(setup_from(setup), names, struck=True)
     with effect_limits(own):
-        return explain_trial_table(table, known, hold_out or (), own)
+        return explain_table(rows, baseline, own=own, hold_out=hold_out or ())
 
 
 def explain_campaign(

@@ -1,6 +1,5 @@
 """`vision explain`: find missing physics, write the improved model as a setup."""
 
-import json
 import logging
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -17,10 +16,10 @@ from metrology import UsageError, write_each, write_text_whole
 from mismatch import ExplainedCampaign
 from mismatch.trial_table import TableExplained
 from physics.effects import CATALOGUE, Effect
-from pipelines.doors import CorLawOption, FileRole, SetupOption
+from pipelines.doors import CorLawOption, FileRole, ResultsJsonOption, SetupOption
 from pipelines.explain.campaign import (
     explain_clips,
-    explain_files_in_full,
+    explain_files,
     explain_table_file,
     is_trial_table,
 )
@@ -30,7 +29,7 @@ from pipelines.interop.tables import (
     made_elsewhere,
     parse_columns,
 )
-from pipelines.terminal import screen
+from pipelines.terminal import screen, write_json
 
 __all__ = ["explain_command", "improved_setup"]
 
@@ -113,11 +112,6 @@ _HoldOutOption = Annotated[
     str | None, typer.Option(help="Trials excluded from the fit, separated by commas.")
 ]
 _EffectsOption = Annotated[Path | None, typer.Option(help="Python file with your own effects.")]
-_JsonFileOption = Annotated[
-    str | None,
-    typer.Option("--json", help="Write the verdict as JSON ('-': stdout)."),
-    FileRole.WRITES,
-]
 _ReportOption = Annotated[
     Path | None, typer.Option(help="Write the report (HTML)."), FileRole.WRITES
 ]
@@ -142,7 +136,7 @@ def explain_command(
     cor_law: CorLawOption = None,
     hold_out: _HoldOutOption = None,
     effects: _EffectsOption = None,
-    json_file: _JsonFileOption = None,
+    json_file: ResultsJsonOption = None,
     report: _ReportOption = None,
     plot: _PlotOption = None,
     model: _ModelOption = None,
@@ -172,13 +166,9 @@ def explain_command(
             _refuse_samples(ball, pendulum)
             explained = explain_table_file(ball, known, held, effects)
         else:
-            explained = explain_files_in_full(ball, pendulum, known, held, effects)
-    text = json.dumps(explained.verdict.to_json(), indent=1, allow_nan=False)
-    writers: list[Callable[[], None]] = []
-    if json_file == "-":
-        writers.append(partial(print, text))
-    elif json_file is not None:
-        writers.append(partial(write_text_whole, Path(json_file), text + "\n"))
+            explained = explain_files(ball, pendulum, known, held, effects)
+    document = explained.verdict.to_json()
+    writers: list[Callable[[], object]] = [partial(write_json, document, json_file)]
     if plot is not None:
         from pipelines.explain.report import draw_explained
 

@@ -6,7 +6,7 @@ import pytest
 
 from bench.real.made import write_rolling
 from mismatch.verdict import DOUBTED, Doubt, HeldOut
-from pipelines.explain.command import explain_files_in_full
+from pipelines.explain.command import explain_files
 from pipelines.explain.report import explain_report_html
 
 
@@ -16,7 +16,7 @@ def rolling(tmp_path_factory):
     write_rolling(folder)
     table = pd.read_csv(folder / "ball.csv")
     table[table["trial"] <= 2].to_csv(folder / "ball.csv", index=False)
-    return folder, explain_files_in_full(folder / "ball.csv", None, folder / "setup.toml")
+    return folder, explain_files(folder / "ball.csv", None, folder / "setup.toml")
 
 
 def test_a_rolling_ball_is_neither_a_flight_nor_a_lens_error(rolling):
@@ -54,7 +54,7 @@ def test_throws_read_off_a_grid_by_hand_get_no_confident_name(tmp_path):
     (tmp_path / "setup.toml").write_text(
         '[ball]\nmass = "2.7 g"\ndiameter = "40 mm"\n[model]\neffects = ["gravity"]\n'
     )
-    verdict = explain_files_in_full(tmp_path / "ball.csv", None, tmp_path / "setup.toml").verdict
+    verdict = explain_files(tmp_path / "ball.csv", None, tmp_path / "setup.toml").verdict
     assert verdict.verdict in ("unexplained", "ambiguous", "no_mismatch")
     assert all(effect.probability <= max(DOUBTED, 0.5) for effect in verdict.effects)
 

@@ -9,7 +9,7 @@ from bench.real.made import STRING, write_swings
 from measuring.setup.file import load_setup
 from metrology import UsageError
 from pipelines.explain.campaign import load_campaign
-from pipelines.explain.command import explain_files_in_full
+from pipelines.explain.command import explain_files
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +21,7 @@ def folder(tmp_path_factory):
 
 def _explained(folder, table):
     table.to_csv(folder / "odd.csv", index=False)
-    return explain_files_in_full(None, folder / "odd.csv", folder / "setup.toml")
+    return explain_files(None, folder / "odd.csv", folder / "setup.toml")
 
 
 def test_angles_in_degrees_are_refused(folder):
@@ -64,7 +64,7 @@ def test_a_local_brake_is_unnamed_and_no_bearing_friction(tmp_path):
         parts.append(pd.DataFrame({"trial": trial, "t_s": time, "phi_rad": angle}))
     pd.concat(parts).to_csv(tmp_path / "brake.csv", index=False)
     _write_setup(tmp_path, inertia)
-    verdict = explain_files_in_full(None, tmp_path / "brake.csv", tmp_path / "setup.toml").verdict
+    verdict = explain_files(None, tmp_path / "brake.csv", tmp_path / "setup.toml").verdict
     (found,) = verdict.effects
     assert found.id == "unnamed"
     assert found.parameters[0].value == pytest.approx(0.5 * inertia, rel=0.03)
@@ -88,7 +88,7 @@ def test_a_sticky_patch_is_unnamed_and_no_bearing_friction(tmp_path):
         parts.append(pd.DataFrame({"trial": trial, "t_s": time, "phi_rad": angle}))
     pd.concat(parts).to_csv(tmp_path / "patch.csv", index=False)
     _write_setup(tmp_path, inertia)
-    verdict = explain_files_in_full(None, tmp_path / "patch.csv", tmp_path / "setup.toml").verdict
+    verdict = explain_files(None, tmp_path / "patch.csv", tmp_path / "setup.toml").verdict
     (found,) = verdict.effects
     assert found.id == "unnamed"
     assert found.probability > 0.5
@@ -116,7 +116,7 @@ def test_an_isochronous_swing_is_no_pendulum_or_in_degrees(tmp_path, damping):
         parts.append(pd.DataFrame({"trial": trial, "t_s": time, "phi_rad": angle}))
     pd.concat(parts).to_csv(tmp_path / "spring.csv", index=False)
     _write_setup(tmp_path, inertia)
-    verdict = explain_files_in_full(None, tmp_path / "spring.csv", tmp_path / "setup.toml").verdict
+    verdict = explain_files(None, tmp_path / "spring.csv", tmp_path / "setup.toml").verdict
     found = {effect.id: effect.parameters[0] for effect in verdict.effects}
     assert verdict.verdict == "ambiguous"
     assert set(found) == {"unnamed"} | ({"viscous_damping"} if damping else set())

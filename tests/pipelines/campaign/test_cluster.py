@@ -118,9 +118,7 @@ def test_a_scheduler_that_goes_away_leaves_the_rest_waiting(
             cluster.processes[0].kill()
 
     address = cluster.address
-    progress = run(
-        plan, lambda: cluster_crew(address, plan.options), after_each=end_the_scheduler
-    )
+    progress = run(plan, lambda: cluster_crew(address, plan.options), after_each=end_the_scheduler)
     assert progress.stopped == "the cluster is gone"
     counts = _counts(tmp_path / "out")
     assert counts[State.DONE] == progress.done

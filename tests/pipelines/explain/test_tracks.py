@@ -94,7 +94,7 @@ def rolled(angle: float) -> pd.DataFrame:
 
 
 def test_an_error_that_any_unknown_calibration_may_have_is_not_surely_named() -> None:
-    verdict = explain_files(rolled(np.radians(0.6)), None, SETUP)
+    verdict = explain_files(rolled(np.radians(0.6)), None, SETUP).verdict
     assert verdict.verdict == "ambiguous"
     assert [effect.probability <= DOUBTED for effect in verdict.effects] == [True]
     assert any(Doubt.UNKNOWN_CALIBRATION.value in note for note in verdict.notes)
@@ -102,7 +102,7 @@ def test_an_error_that_any_unknown_calibration_may_have_is_not_surely_named() ->
 
 
 def test_an_error_beyond_any_usual_calibration_is_named_but_one_trial_proves_no_name() -> None:
-    verdict = explain_files(rolled(np.radians(8.0)), None, SETUP)
+    verdict = explain_files(rolled(np.radians(8.0)), None, SETUP).verdict
     assert verdict.effects
     assert all(effect.probability <= DOUBTED for effect in verdict.effects)
     assert not any(Doubt.UNKNOWN_CALIBRATION.value in note for note in verdict.notes)
