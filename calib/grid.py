@@ -1482,8 +1482,6 @@ class WallGrid:
         Measured positions of these crossings, px.
     covariance_px2 : (N, 2, 2) array
         Covariance of each, px².
-    residual_px : (N, 2) array
-        Measured minus mapped position, px.
     map : GridMap
         Smooth map from pixels to grid coordinates; for drawing and for wall readings, not for the
         pose of the camera.
@@ -1507,7 +1505,6 @@ class WallGrid:
     nodes: NDArray[np.int64]
     points_px: FloatArray
     covariance_px2: FloatArray
-    residual_px: FloatArray
     map: GridMap
     area: NDArray[np.bool_]
     dark: bool
@@ -1600,16 +1597,14 @@ def _grid(image: NDArray[np.generic], pitch_m: float, fine_pitch_m: float | None
     nodes, px = _kept(nodes, px, inlier)
     _require_even_grid(nodes, px)
     inverse = np.linalg.inv(grid_map.jacobian(px))
-    residual = np.einsum("nij,nj->ni", inverse, nodes.shift)
     covariance = factor * inverse @ nodes.covariance @ np.swapaxes(inverse, 1, 2)
     fine = lattices[0].fine if lattices[0].fine == lattices[1].fine else None
     return WallGrid(
         size=(gray.shape[1], gray.shape[0]),
         pitch_m=pitch_m,
         nodes=nodes.index,
-        points_px=px + residual,
+        points_px=px + np.einsum("nij,nj->ni", inverse, nodes.shift),
         covariance_px2=covariance,
-        residual_px=residual,
         map=grid_map,
         area=area,
         dark=lattices[0].dark,

@@ -970,7 +970,6 @@ def planned_grid(camera: Camera, pitch_m: float = 0.05) -> WallGrid:
         nodes=nodes[kept],
         points_px=px[kept],
         covariance_px2=np.broadcast_to(CROSSING_ERROR_PX**2 * np.eye(2), (len(kept), 2, 2)),
-        residual_px=np.zeros((len(kept), 2)),
         map=_map(camera, pitch_m),
         area=np.ones((lens.height, lens.width), dtype=bool),
         dark=True,

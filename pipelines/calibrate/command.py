@@ -26,7 +26,7 @@ from metrology import (
     read_number,
 )
 from metrology.measurands import CAMERA_DISTANCE, CAPTURE_RATE, GRID_PITCH
-from pipelines.calibrate.answers import picture_of_board, point_from
+from pipelines.calibrate.answers import open_scene, picture_of_board, point_from
 from pipelines.calibrate.plan import plan_filming_command
 from pipelines.calibrate.saving import lens_for, read_view
 from pipelines.calibrate.session import Session, session_of
@@ -258,10 +258,6 @@ def rate_command(
         typer.echo(f"The {rate.source} states {rate.fps:g} fps, which disagrees", err=True)
 
 
-WALL_MEDIAN_FRAMES = 40
-"""Number of frames in the median image of the wall (chosen: a moving object covers any point in
-fewer than half of them)."""
-
 BoardSize = Annotated[str, typer.Option(help="Inner corners, columns x rows.")]
 
 Square = Annotated[str, typer.Option(help="Side of a board square.")]
@@ -413,10 +409,7 @@ def check_command(
 
 
 def _grid(path: Path, pitch: str) -> WallGrid:
-    clip = ClipReader.open(path)
-    stride = max(1, clip.info.frames // WALL_MEDIAN_FRAMES)
-    frames = [frame.gray for frame in clip.frames() if frame.index % stride == 0]
-    return find_wall_grid(np.median(frames, axis=0), pitch_m=read_number(pitch, GRID_PITCH))
+    return find_wall_grid(open_scene(path).picture, pitch_m=read_number(pitch, GRID_PITCH))
 
 
 CALIBRATE_COMMANDS: dict[str, Callable[..., None]] = {

@@ -138,15 +138,12 @@ def _in_picture(
     grid_map = _map_through(points, found.nodes.astype(np.float64), (width, height))
     area = np.zeros((height, width), dtype=np.uint8)
     cv2.fillConvexPoly(area, np.round(corners).astype(np.int32), 1)
-    inverse = np.linalg.inv(grid_map.jacobian(points))
-    residual = np.einsum("nij,nj->ni", inverse, grid_map(points) - found.nodes)
     return WallGrid(
         size=(width, height),
         pitch_m=pitch_m,
         nodes=found.nodes,
         points_px=points,
         covariance_px2=covariance,
-        residual_px=residual,
         map=grid_map,
         area=area > 0,
         dark=found.dark,
@@ -189,7 +186,6 @@ def _by_hand(
         nodes=nodes,
         points_px=corners,
         covariance_px2=np.tile(HANDLE_STD_PX**2 * np.eye(2), (4, 1, 1)),
-        residual_px=np.zeros((4, 2)),
         map=_homography(corners, nodes.astype(np.float64), size),
         area=area > 0,
         dark=True,

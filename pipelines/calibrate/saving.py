@@ -168,7 +168,6 @@ def read_view(lens: Path) -> WallGrid:
         nodes=np.zeros((1, 2), dtype=np.int64),
         points_px=np.zeros((1, 2)),
         covariance_px2=0.5 * variance * np.eye(2)[np.newaxis],
-        residual_px=np.zeros((1, 2)),
         map=grid_map,
         area=np.zeros(size[::-1], dtype=bool),
         dark=True,

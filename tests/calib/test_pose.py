@@ -33,7 +33,6 @@ def seen_grid(camera: Camera, noise: float, rng: np.random.Generator, every: int
         nodes=nodes,
         points_px=px + rng.normal(0.0, noise, px.shape),
         covariance_px2=np.broadcast_to(noise**2 * np.eye(2), (count, 2, 2)),
-        residual_px=np.zeros((count, 2)),
         map=GridMap(np.zeros(2), np.ones(2), np.zeros(10)),
         area=np.ones((lens.height, lens.width), dtype=bool),
         dark=True,

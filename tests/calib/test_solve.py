@@ -55,7 +55,6 @@ def make_scene(*, pitch: float = 0.05, noise: float = 0.03, seed: int = 0) -> Sc
         nodes=nodes[inside],
         points_px=px[inside] + rng.normal(0.0, noise, (count, 2)),
         covariance_px2=np.broadcast_to(noise**2 * np.eye(2), (count, 2, 2)),
-        residual_px=np.zeros((count, 2)),
         map=GridMap(np.zeros(2), np.ones(2), np.zeros(10)),
         area=np.ones(SIZE[::-1], dtype=bool),
         dark=True,

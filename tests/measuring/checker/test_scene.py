@@ -37,7 +37,6 @@ class Lab:
             nodes=np.zeros((0, 2), dtype=np.int64),
             points_px=none,
             covariance_px2=np.zeros((0, 2, 2)),
-            residual_px=none,
             map=grid_map,
             area=np.ones((240, 432), dtype=bool),
             dark=True,
