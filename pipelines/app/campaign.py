@@ -10,6 +10,7 @@ from threading import Event, Lock, Thread
 from typing import Any
 
 import tomli_w
+from pydantic import TypeAdapter, ValidationError
 
 from metrology import (
     ImpactVisionError,
@@ -20,7 +21,7 @@ from metrology import (
     write_text_whole,
 )
 from metrology.quantity import format_quantity
-from pipelines.app.corrections import TypedInputs
+from pipelines.app.corrections import TypedInputs, mistake_in
 from pipelines.app.openings import free_place
 from pipelines.campaign.conduct import CampaignOptions, conduct, results_folder
 from pipelines.campaign.ledger import Entry, Ledger, State
@@ -348,14 +349,13 @@ def _read_inputs(clips: Path) -> FolderInputs:
         trials = [name for name in ("trials.csv", "trials.xlsx") if (clips / name).is_file()]
         return FolderInputs(*(names[0] if names else "" for names in (trials, there)))
     held = parse_toml(read_small_text(file, what="the inputs"), str(file))
-    known = {one.name for one in fields(FolderInputs)}
-    wrong = [name for name, text in held.items() if name not in known or not isinstance(text, str)]
-    if wrong:
+    try:
+        return TypeAdapter(FolderInputs).validate_python(held)
+    except ValidationError as problem:
+        known = ", ".join(sorted(one.name for one in fields(FolderInputs)))
         raise UsageError(
-            f"{file}: {wrong[0]} is not known, or not in quotes",
-            hint=f"Keep only {', '.join(sorted(known))}, or delete the file.",
-        )
-    return FolderInputs(**held)
+            f"{file}: {mistake_in(problem)}", hint=f"Keep only {known}, or delete the file."
+        ) from problem
 
 
 def _card(entry: Entry, pointed: str, folder: Path) -> ClipCard:

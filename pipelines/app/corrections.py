@@ -5,10 +5,11 @@ import shlex
 from collections.abc import Collection
 from dataclasses import asdict, astuple, dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import tomli_w
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from measuring.chain import MeasureOptions
 from measuring.measurement import Axes
@@ -36,6 +37,7 @@ __all__ = [
     "corrected_table",
     "corrections_file",
     "cure_of",
+    "mistake_in",
     "options_of",
     "read_corrections",
     "table_file",
@@ -58,9 +60,15 @@ _MARK_RADII = 1.5
 """Distance within which a mark is on a found object, radii of it (chosen)."""
 
 
+Pixels = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+"""A number in a file; no text and no truth value."""
+
+
 @dataclass(frozen=True)
 class TypedInputs:
     """Texts that a person typed; empty ones are not given."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
 
     def given(self) -> dict[str, str]:
         """The inputs that are not empty, by name."""
@@ -98,10 +106,12 @@ class ObjectMark:
         Whether the outline of the measured object was dragged; else another object was selected.
     """
 
-    frame: int
-    x_px: float
-    y_px: float
-    moved: bool = False
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+    frame: Annotated[int, Field(strict=True, ge=0, lt=2**31)]
+    x_px: Pixels
+    y_px: Pixels
+    moved: Annotated[bool, BeforeValidator(lambda written: written is True)] = False
 
 
 @dataclass(frozen=True)
@@ -114,10 +124,12 @@ class Stick:
         As typed, such as "1 m ± 2 mm".
     """
 
-    x0_px: float
-    y0_px: float
-    x1_px: float
-    y1_px: float
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+    x0_px: Pixels
+    y0_px: Pixels
+    x1_px: Pixels
+    y1_px: Pixels
     length: str
 
     @property
@@ -241,6 +253,33 @@ def table_file(clip: Path) -> Path:
     return clip.with_name(f"{clip.name}.corrected.csv")
 
 
+class _PointTable(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    x_px: Pixels
+    y_px: Pixels
+
+
+class _AxesTable(_PointTable):
+    turn_deg: Pixels
+
+
+_Marks = Annotated[list[ObjectMark], Field(max_length=MAX_MARKS)]
+
+
+class _CorrectionsFile(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    inputs: ClipInputs = ClipInputs()
+    ball: _Marks = []
+    mass: ObjectMark | None = None
+    stick: Stick | None = None
+    pivot: _PointTable | None = None
+    landing: _PointTable | None = None
+    axes: _AxesTable | None = None
+    ignored: _Marks = []
+
+
 def read_corrections(path: Path) -> Corrections:
     """Read the file; without one there are no corrections.
 
@@ -253,94 +292,43 @@ def read_corrections(path: Path) -> Corrections:
         return Corrections()
     name = shown_path(path)
     document = parse_toml(read_small_text(path, what="the corrections"), name)
-    unknown = document.keys() - {
-        "inputs",
-        "ball",
-        "mass",
-        "stick",
-        "axes",
-        "ignored",
-        *FIXED_POINTS,
-    }
-    known = {one.name for one in fields(ClipInputs)}
-    inputs = document.get("inputs", {})
-    if not isinstance(inputs, dict):
-        raise _wrong(name, "inputs is no table")
-    unknown |= inputs.keys() - known
-    if unknown:
-        raise _wrong(name, f"{min(unknown)} is not known")
-    if wrong := [key for key, text in inputs.items() if not isinstance(text, str)]:
-        raise _wrong(name, f"{wrong[0]} is not in quotes")
-    mass = document.get("mass")
-    return Corrections(
-        ClipInputs(**inputs),
-        _marks(name, "ball", document),
-        None if mass is None else _mark(name, "[mass]", mass),
-        _stick(name, document["stick"]) if "stick" in document else None,
-        _numbers(name, "pivot", document.get("pivot"), _OF_POINT),
-        _numbers(name, "landing", document.get("landing"), _OF_POINT),
-        Axes(*_numbers(name, "axes", document["axes"], _OF_AXES)) if "axes" in document else None,
-        _marks(name, "ignored", document),
-    )
-
-
-def _marks(name: str, key: str, document: dict[str, Any]) -> tuple[ObjectMark, ...]:
-    held = document.get(key, [])
-    if not isinstance(held, list) or len(held) > MAX_MARKS:
-        raise _wrong(name, f"{key} is no list of marks")
-    return tuple(_mark(name, f"[[{key}]] number {k}", one) for k, one in enumerate(held, 1))
-
-
-_OF_POINT = ("x_px", "y_px")
-_OF_AXES = tuple(one.name for one in fields(Axes))
-
-
-def _numbers(name: str, place: str, held: Any, keys: tuple[str, ...]) -> Any:
-    """The numbers of a table in the order of `keys`; None without one."""
-    if held is None:
-        return None
-    if not isinstance(held, dict) or held.keys() != {*keys}:
-        raise _wrong(name, f"[{place}] needs {', '.join(keys[:-1])} and {keys[-1]}")
-    return tuple(_number(name, f"[{place}]", key, held[key]) for key in keys)
-
-
-def _stick(name: str, held: Any) -> Stick:
-    known = [one.name for one in fields(Stick)]
-    if not isinstance(held, dict) or held.keys() != set(known):
-        raise _wrong(name, f"[stick] needs {', '.join(known)}")
-    x0, y0, x1, y1 = (_number(name, "[stick]", key, held[key]) for key in known[:-1])
-    if not isinstance(held["length"], str):
-        raise _wrong(name, "[stick]: length is not in quotes")
-    stick = Stick(x0, y0, x1, y1, held["length"])
     try:
-        stick.scale  # noqa: B018
-    except UsageError as problem:
-        raise _wrong(name, f"[stick]: {problem.message}") from problem
-    return stick
-
-
-def _number(name: str, place: str, key: str, value: Any) -> float:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not number or not math.isfinite(value):
-        raise _wrong(name, f"{place}: {key} is {value!r}, not a number of pixels")
-    return float(value)
-
-
-def _mark(name: str, place: str, held: Any) -> ObjectMark:
-    if not isinstance(held, dict) or not held.keys() <= {"frame", "x_px", "y_px", "moved"}:
-        raise _wrong(name, f"{place} needs frame, x_px and y_px")
-    frame, x, y = (held.get(key, "missing") for key in ("frame", "x_px", "y_px"))
-    if type(frame) is not int or not 0 <= frame < 2**31:
-        raise _wrong(name, f"{place}: frame is {frame!r}, not a whole number from 0")
-    x, y = (_number(name, place, key, value) for key, value in (("x_px", x), ("y_px", y)))
-    return ObjectMark(frame, x, y, held.get("moved") is True)
-
-
-def _wrong(name: str, what: str) -> UsageError:
-    return UsageError(
-        f"{name}: {what}",
-        hint="Correct the file, or delete it to begin without corrections.",
+        held = _CorrectionsFile.model_validate(document)
+        _ = held.stick and held.stick.scale
+    except (ValidationError, UsageError) as problem:
+        raise UsageError(
+            f"{name}: {mistake_in(problem)}",
+            hint="Correct the file, or delete it to begin without corrections.",
+        ) from problem
+    pivot, landing = (
+        None if point is None else (point.x_px, point.y_px) for point in (held.pivot, held.landing)
     )
+    axes = None if held.axes is None else Axes(**held.axes.model_dump())
+    ball, ignored = tuple(held.ball), tuple(held.ignored)
+    return Corrections(held.inputs, ball, held.mass, held.stick, pivot, landing, axes, ignored)
+
+
+_MISTAKES = {
+    "extra_forbidden": "is not known",
+    "unexpected_keyword_argument": "is not known",
+    "missing": "is missing",
+    "string_type": "is not in quotes",
+    "list_type": "is no list of tables",
+    "dataclass_type": "is no table",
+    "model_type": "is no table",
+}
+"""Words for mistakes in the file by their type in pydantic; of others its own."""
+
+
+def mistake_in(problem: ValidationError | UsageError) -> str:
+    """The first mistake in a file with its place: ``ball number 1: frame is 1.5: …``."""
+    if isinstance(problem, UsageError):
+        return problem.message
+    first = problem.errors()[0]
+    *tables, key = first["loc"]
+    where = "".join(f" number {one + 1}" if isinstance(one, int) else str(one) for one in tables)
+    words = _MISTAKES.get(first["type"], f"is {first['input']!r}: {first['msg']}")
+    return f"{where}{': ' if where else ''}{key} {words}"
 
 
 def write_corrections(path: Path, corrections: Corrections) -> None:
