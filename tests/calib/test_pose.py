@@ -252,6 +252,15 @@ def test_the_growth_of_the_outline_off_axis_gives_the_focal_length() -> None:
     assert np.sqrt(np.mean((np.array(errors) / stds) ** 2)) < 1.5
 
 
+def length_error(camera: Camera, grid: WallGrid, found: Calibration) -> float:
+    """Error of the longest length on the wall, in its stated standard uncertainties."""
+    a, b = grid.points_px.min(axis=0), grid.points_px.max(axis=0)
+    length = (found.on_wall(b) - found.on_wall(a))[0]
+    true = (camera.to_plane(b) - camera.to_plane(a))[0]
+    lines = found.budget(lambda s: (s.on_wall(b) - s.on_wall(a))[0])
+    return float((length - true) / np.sqrt(sum(line.std**2 for line in lines)))
+
+
 @pytest.mark.parametrize("share", [0.0, 0.8])
 def test_common_errors_of_lines_increase_the_uncertainty(share: float) -> None:
     """Errors shared along a line do not average out over its crossings."""
@@ -278,12 +287,7 @@ def test_common_errors_of_lines_increase_the_uncertainty(share: float) -> None:
         )
         exact_pitch = Evidence(pitch_relative_std=1e-6)
         found = calibrate(grid, exact_pitch, lens=known_lens(camera, rng))
-        a, b = grid.points_px.min(axis=0), grid.points_px.max(axis=0)
-        length = (found.on_wall(b) - found.on_wall(a))[0]
-        true = (camera.to_plane(b) - camera.to_plane(a))[0]
-        lines = found.budget(lambda s, a=a, b=b: (s.on_wall(b) - s.on_wall(a))[0])
-        std = np.sqrt(sum(line.std**2 for line in lines))
-        normalised.append((length - true) / std)
+        normalised.append(length_error(camera, grid, found))
     assert 0.5 < np.sqrt(np.mean(np.square(normalised))) < 1.6
 
 
@@ -305,10 +309,5 @@ def test_common_errors_of_patches_are_detected_in_the_lens(share: float) -> None
             covariance_px2=np.broadcast_to(0.2**2 * np.eye(2), (len(error), 2, 2)),
         )
         found = calibrate(grid, Evidence(pitch_relative_std=1e-6))
-        a, b = grid.points_px.min(axis=0), grid.points_px.max(axis=0)
-        length = (found.on_wall(b) - found.on_wall(a))[0]
-        true = (camera.to_plane(b) - camera.to_plane(a))[0]
-        lines = found.budget(lambda s, a=a, b=b: (s.on_wall(b) - s.on_wall(a))[0])
-        std = np.sqrt(sum(line.std**2 for line in lines))
-        normalised.append((length - true) / std)
+        normalised.append(length_error(camera, grid, found))
     assert np.sqrt(np.mean(np.square(normalised))) < 1.6

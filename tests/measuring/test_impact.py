@@ -51,6 +51,12 @@ def truth(shot: Shot) -> dict[str, float]:
     }
 
 
+def with_rows(tracks: MetricTracks, rows: NDArray[np.int64] | NDArray[np.bool_]) -> MetricTracks:
+    """Only some rows of the ball."""
+    names = ("ball_frame", "ball_time_s", "ball_m", "ball_cov_m2")
+    return replace(tracks, **{name: getattr(tracks, name)[rows] for name in names})
+
+
 def measured(tracks: MetricTracks, ball: str) -> tuple[dict[str, float], dict[str, float]]:
     inputs = gather_inputs(Setup(), ball, None)
     impact = find_impact(tracks, inputs)
@@ -100,13 +106,7 @@ def test_a_flight_hardly_longer_than_a_contact_is_measured() -> None:
     scene, shot = known_stroke("basketball", 60.0)
     whole = ideal_tracks(scene, shot, Noise(1e-4))
     seen = whole.ball_time_s < departure(whole) + 0.033
-    short = replace(
-        whole,
-        ball_frame=whole.ball_frame[seen],
-        ball_time_s=whole.ball_time_s[seen],
-        ball_m=whole.ball_m[seen],
-        ball_cov_m2=whole.ball_cov_m2[seen],
-    )
+    short = with_rows(whole, seen)
     found, std = measured(short, "basketball")
     for name in ("contact_time", "ball_speed", "launch_angle"):
         assert found[name] == pytest.approx(truth(shot)[name], abs=4 * std[name]), name
@@ -175,13 +175,7 @@ def test_a_ghost_after_a_gap_is_not_the_flight() -> None:
     seen = np.r_[0:34, 70 : len(tracks.ball_m)]
     place = tracks.ball_m[seen]
     place[34:] = place[33]
-    ghost = replace(
-        tracks,
-        ball_frame=tracks.ball_frame[seen],
-        ball_time_s=tracks.ball_time_s[seen],
-        ball_m=place,
-        ball_cov_m2=tracks.ball_cov_m2[seen],
-    )
+    ghost = replace(with_rows(tracks, seen), ball_m=place)
     end = flight_end(ghost, gather_inputs(Setup(), "jokku", None), departure(ghost))
     assert end == pytest.approx(70 / 200.0)
 
@@ -205,13 +199,8 @@ def test_a_ball_at_its_apex_does_not_stand() -> None:
     up = np.where(since > 0.0, since - 0.5 * 9.82 * since**2, 0.0)
     noise = np.random.default_rng(3).normal(0.0, 3e-4, (len(up), 2))
     seen = since < 1.0 / 9.82 + 0.02
-    thrown = replace(
-        tracks,
-        ball_frame=tracks.ball_frame[seen],
-        ball_time_s=tracks.ball_time_s[seen],
-        ball_m=(tracks.rest_m + np.column_stack([np.zeros(len(up)), up]) + noise)[seen],
-        ball_cov_m2=tracks.ball_cov_m2[seen],
-    )
+    place = tracks.rest_m + np.column_stack([np.zeros(len(up)), up]) + noise
+    thrown = with_rows(replace(tracks, ball_m=place), seen)
     end = flight_end(thrown, gather_inputs(Setup(), "jokku", None), departure(thrown))
     assert end > thrown.ball_time_s[-1]
 
@@ -431,13 +420,7 @@ def test_a_landing_that_is_not_followed_gives_no_estimate_from_the_range() -> No
     tracks = ideal_tracks(scene, shot, Noise(1e-4))
     near = np.abs(tracks.ball_time_s - (shot.landing_time - FIRST)) < 0.012
     keep = ~(near | (tracks.ball_time_s > shot.landing_time - FIRST))
-    cut = replace(
-        tracks,
-        ball_frame=tracks.ball_frame[keep],
-        ball_time_s=tracks.ball_time_s[keep],
-        ball_m=tracks.ball_m[keep],
-        ball_cov_m2=tracks.ball_cov_m2[keep],
-    )
+    cut = with_rows(tracks, keep)
     inputs = gather_inputs(Setup(), "basketball", None)
     impact = find_impact(cut, inputs)
     assert impact.landing is None

@@ -3,6 +3,7 @@
 import math
 from contextlib import nullcontext
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from measuring.motions import (
     FlightFrames,
     FreeFlightPriors,
     Mapping,
+    MotionResults,
     MotionScene,
     PlaneScale,
     fit_free_flight,
@@ -176,28 +178,29 @@ def scaled(by: float, turned_rad: float = 0.0) -> Mapping:
     return lambda px, covariance: (px @ turn, covariance * per_px**2)
 
 
-def test_what_a_calibration_leaves_open_moves_fall_speed_and_angle_as_far_as_it_goes() -> None:
-    fps = 500.0
-    time, place = flown(4.0, 20.0, 0.4, fps)
+FLOWN_FPS = 500.0
+
+
+def flown_results(
+    radius: float, scale: PlaneScale | None, *about: Any, **more: Any
+) -> MotionResults:
+    """Results of a flight of 4 m/s at 20 degrees, seen at 2 mm/px with noise; `about` the scale."""
+    time, place = flown(4.0, 20.0, 0.4, FLOWN_FPS)
     frame, one = np.arange(len(time)), np.ones(len(time))
     px = place * [500.0, -500.0] + np.random.default_rng(3).normal(0.0, 0.05, place.shape)
     square = np.tile(0.05**2 * np.eye(2), (len(time), 1, 1))
-    ball = Track(frame, time, px, square, square, 20.0 * one, 0.1 * one, one)
-    pitch, roll = UncertaintySource.GRID_PITCH, UncertaintySource.CAMERA_ROLL
-    scene = MotionScene(
-        frame.astype(float),
-        fps,
-        0.1,
-        None,
-        scaled(1.0),
-        ((pitch, scaled(1.02)), (roll, scaled(1.0, math.radians(0.5)))),
-        (0.0, 1e-4),
-        G,
-        1000.0,
-    )
+    ball = Track(frame, time, px, square, square, radius * one, 0.1 * one, one)
+    clock = frame.astype(float), FLOWN_FPS, 0.1
+    scene = MotionScene(*clock, scale, *about, (0.0, 1e-4), G, 1000.0, **more)
     motion = Motion(MotionKind.FLIGHT, 0.9)
     tracks = Tracks(ball, None, np.zeros((9, 9), np.float32), None, motion=motion)
-    found = motion_quantities(tracks, scene).quantities
+    return motion_quantities(tracks, scene)
+
+
+def test_what_a_calibration_leaves_open_moves_fall_speed_and_angle_as_far_as_it_goes() -> None:
+    pitch, roll = UncertaintySource.GRID_PITCH, UncertaintySource.CAMERA_ROLL
+    moved = ((pitch, scaled(1.02)), (roll, scaled(1.0, math.radians(0.5))))
+    found = flown_results(20.0, None, scaled(1.0), moved).quantities
 
     def share(name: str, source: UncertaintySource) -> float:
         return {line.source: line.std for line in found[name].budget}[source]
@@ -215,28 +218,8 @@ def test_what_a_calibration_leaves_open_moves_fall_speed_and_angle_as_far_as_it_
 def test_a_light_on_a_ball_is_not_as_large_as_the_ball_is_said_to_be(
     radius: float, agrees: bool
 ) -> None:
-    fps = 500.0
-    time, place = flown(4.0, 20.0, 0.4, fps)
-    frame, one = np.arange(len(time)), np.ones(len(time))
-    px = place * [500.0, -500.0] + np.random.default_rng(3).normal(0.0, 0.05, place.shape)
-    square = np.tile(0.05**2 * np.eye(2), (len(time), 1, 1))
-    ball = Track(frame, time, px, square, square, radius * one, 0.1 * one, one)
-    scale = PlaneScale(1.0 / 500.0, 0.01, UncertaintySource.SCALE)
-    scene = MotionScene(
-        frame.astype(float),
-        fps,
-        0.1,
-        scale,
-        None,
-        (),
-        (0.0, 1e-4),
-        G,
-        1000.0,
-        diameter=(0.08, 0.005),
-    )
-    motion = Motion(MotionKind.FLIGHT, 0.9)
-    tracks = Tracks(ball, None, np.zeros((9, 9), np.float32), None, motion=motion)
-    results = motion_quantities(tracks, scene)
+    scale = PlaneScale(0.002, 0.01, UncertaintySource.SCALE)
+    results = flown_results(radius, scale, None, (), diameter=(0.08, 0.005))
     size = next(check for check in results.checks if check.kind is CheckKind.BALL_SIZE)
     assert (size.outcome is CheckOutcome.FAILED) is not agrees
     for name, true in (("fall_acceleration", G), ("flight_speed", 4.0)):

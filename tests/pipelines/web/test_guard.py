@@ -127,20 +127,12 @@ def test_a_second_window_is_refused_until_the_first_is_gone() -> None:
         second = browser.get("/")
         assert second.status_code == 409
         assert "another window" in second.text
+        # and loads itself again
+        assert "location.reload()" in second.text
         with pytest.raises(WebSocketDisconnect), browser.websocket_connect(SOCKET, headers=ORIGIN):
             pass
     assert browser.get("/").status_code == 200
     assert guard.windows == 0
-
-
-def test_a_refused_window_loads_itself_again() -> None:
-    guard = guarded()
-    browser = entered(guard)
-    with browser.websocket_connect(SOCKET, headers=ORIGIN) as socket:
-        socket.receive_text()
-        second = browser.get("/")
-        assert second.status_code == 409
-        assert "location.reload()" in second.text
 
 
 def test_a_window_that_says_it_goes_lets_the_next_one_in_once() -> None:
