@@ -1,17 +1,14 @@
 """Measure clips in a separate process, with progress; the newest task counts."""
 
-import multiprocessing
-import os
-import signal
 import sys
 import traceback
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from threading import RLock, Thread
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +16,7 @@ from numpy.typing import NDArray
 from measuring.chain import MeasureOptions, measure_clip
 from metrology import ImpactVisionError, NotFoundError
 from metrology.kept import KeptResults
-from pipelines.processes import end_with_parent
+from pipelines.processes import PipedProcess, begin_worker
 from vision.stages import candidate_table, detect, given_objects, link
 
 if TYPE_CHECKING:
@@ -29,9 +26,6 @@ if TYPE_CHECKING:
     from vision.finding.selection import FoundObjects
 
 __all__ = ["ClipAnswer", "Measurer", "Task"]
-
-# Forked copies of the threads of OpenCV and of the server hang; a fresh interpreter does not.
-_SPAWNED = multiprocessing.get_context("spawn")
 
 
 @dataclass(frozen=True)
@@ -91,8 +85,7 @@ class Measurer:
     def __init__(self, on_answer: Callable[[ClipAnswer], None]) -> None:
         self._on_answer = on_answer
         self._lock = RLock()
-        self._pipe: Connection | None = None
-        self._process: Any = None
+        self._process: PipedProcess | None = None
         self._number = 0
 
     def start(self) -> None:
@@ -100,11 +93,8 @@ class Measurer:
         with self._lock:
             if self._process is not None:
                 return
-            self._pipe, theirs = _SPAWNED.Pipe()
-            self._process = _SPAWNED.Process(target=_serve, args=(theirs,), daemon=True)
-            self._process.start()
-            theirs.close()
-            Thread(target=self._listen, args=(self._pipe,), daemon=True).start()
+            self._process = PipedProcess(_serve)
+            Thread(target=self._listen, args=(self._process,), daemon=True).start()
 
     def measure(
         self, clip: Path, options: MeasureOptions, corrected: "pd.DataFrame | None" = None
@@ -114,10 +104,8 @@ class Measurer:
             self.start()
             self._number += 1
             task = Task(self._number, clip, options, corrected)
-            assert self._pipe is not None
-            # a dead process is noticed by the thread that listens
-            with suppress(OSError):
-                self._pipe.send(task)
+            assert self._process is not None
+            self._process.send(task)
             return task.number
 
     def stop(self) -> None:
@@ -126,20 +114,18 @@ class Measurer:
             self._number += 1
             if self._process is not None:
                 # the thread that listens has nothing to report of this one
-                self._pipe = None
-                self._process.terminate()
-                self._process.join()
-                self._process = None
+                process, self._process = self._process, None
+                process.end()
 
-    def _listen(self, pipe: Connection) -> None:
+    def _listen(self, process: PipedProcess) -> None:
         while True:
             try:
-                answer = pipe.recv()
+                answer = process.pipe.recv()
             except (EOFError, OSError):
                 break
             self._pass_on(answer)
         with self._lock:
-            if pipe is not self._pipe:
+            if process is not self._process:
                 return
             # a process whose pipe has closed may still count as alive for a moment
             self._process, number = None, self._number
@@ -157,11 +143,7 @@ class _Superseded(Exception):
 
 def _serve(pipe: Connection) -> None:
     """Answer tasks until the other end of the pipe is closed."""
-    # Ctrl-C reaches every process of the terminal; the parent decides what it means.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    end_with_parent()
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+    begin_worker()
     kept = KeptResults()
     with suppress(EOFError, OSError):
         while True:
@@ -210,8 +192,6 @@ def measured_answer(
     ImpactVisionError
         If the clip can't be read or the input is invalid.
     """
-    from dataclasses import replace
-
     options = task.options
     if task.corrected is not None:
         options = replace(options, corrected=given_objects(task.corrected))

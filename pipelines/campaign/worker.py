@@ -22,6 +22,8 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 
+from pipelines.processes import ONE_THREAD
+
 __all__ = ["ClipWorkerDied", "Request", "WorkerProcess", "answer"]
 
 
@@ -123,10 +125,6 @@ class WorkerProcess:
 
     def _running(self) -> "subprocess.Popen[str]":
         if self._process is None or self._process.poll() is not None:
-            environment = dict(os.environ)
-            for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-                # one thread per worker: workers already use all cores
-                environment[name] = "1"
             self._lines = queue.Queue()
             self._process = subprocess.Popen(
                 self._command,
@@ -134,7 +132,7 @@ class WorkerProcess:
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
                 text=True,
-                env=environment,
+                env={**os.environ, **ONE_THREAD},
                 # Ctrl-C is handled by the coordinator
                 start_new_session=True,
             )

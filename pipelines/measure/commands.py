@@ -7,10 +7,9 @@ clip by clip (`vision measure CLIP… --out DIR -j N`).
 import csv
 import hashlib
 import io
+import itertools
 import json
-import multiprocessing
 import os
-import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -18,7 +17,7 @@ from dataclasses import dataclass, fields, replace
 from importlib.resources import files
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import Annotated, Any, Generic, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -80,7 +79,7 @@ from pipelines.measure.files import (
     software_version,
     without_formulas,
 )
-from pipelines.processes import end_with_parent
+from pipelines.processes import PipedProcess, begin_worker
 from pipelines.report.inputs import for_people, quantity_label, quantity_text
 from pipelines.terminal import counted, screen
 from vision.clip.clip import ClipReader
@@ -106,37 +105,9 @@ Task = TypeVar("Task")
 
 Result = TypeVar("Result")
 
-# Forked copies of the threads of OpenCV and BLAS hang; a fresh interpreter does not.
-_FRESH = multiprocessing.get_context("spawn")
-
-_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-
 
 class WorkerDied(Exception):
     """The process ended while it worked on the task."""
-
-
-class _Worker(Generic[Task]):
-    """A process with the pipe to it and its current task."""
-
-    def __init__(self, function: Callable[[Any], Any]) -> None:
-        self.pipe, theirs = _FRESH.Pipe()
-        self.task: Task | None = None
-        self.process = _FRESH.Process(target=_serve, args=(theirs, function), daemon=True)
-        self.process.start()
-        theirs.close()
-
-    def give(self, task: Task) -> None:
-        """Send a task; a dead process is noticed when its answer is read."""
-        self.task = task
-        with suppress(OSError):
-            self.pipe.send(task)
-
-    def end(self) -> None:
-        """Terminate the process."""
-        self.process.terminate()
-        self.process.join()
-        self.pipe.close()
 
 
 def run_tasks(
@@ -158,51 +129,39 @@ def run_tasks(
         by Ctrl-C, ends all processes.
     """
     waiting = iter(tasks)
-    busy: list[_Worker[Task]] = []
+    busy: dict[Any, tuple[PipedProcess, Task]] = {}
+
+    def give(worker: PipedProcess, task: Task) -> None:
+        worker.send(task)
+        busy[worker.pipe] = worker, task
+
     try:
-        for task in waiting:
-            busy.append(_started(function, task))
-            if len(busy) >= max(workers, 1):
-                break
+        for task in itertools.islice(waiting, max(workers, 1)):
+            give(PipedProcess(_serve, function), task)
         while busy:
-            ready = wait([worker.pipe for worker in busy])
-            for worker in [one for one in busy if one.pipe in ready]:
-                done = worker.task
-                assert done is not None
-                alive = True
+            for pipe in wait([*busy]):
+                worker, done = busy[pipe]
                 try:
                     result = worker.pipe.recv()
                 except (EOFError, OSError):
                     worker.process.join()
                     result = WorkerDied(f"its process ended with code {worker.process.exitcode}")
-                    alive = False
+                del busy[pipe]
                 following = next(waiting, None)
-                if following is not None and alive:
-                    worker.give(following)
-                else:
-                    busy.remove(worker)
+                if following is None or isinstance(result, WorkerDied):
                     worker.end()
-                    if following is not None:
-                        busy.append(_started(function, following))
+                if following is not None:
+                    dead = isinstance(result, WorkerDied)
+                    give(PipedProcess(_serve, function) if dead else worker, following)
                 yield done, result
     finally:
-        for worker in busy:
+        for worker, _ in busy.values():
             worker.end()
-
-
-def _started(function: Callable[[Task], Result], task: Task) -> _Worker[Task]:
-    worker: _Worker[Task] = _Worker(function)
-    worker.give(task)
-    return worker
 
 
 def _serve(pipe: Connection, function: Callable[[Any], Any]) -> None:
     """Answer tasks until the other end of the pipe is closed."""
-    # Ctrl-C reaches every process of the terminal; the parent decides what it means.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    end_with_parent()
-    for name in _ONE_THREAD:
-        os.environ.setdefault(name, "1")
+    begin_worker()
     with suppress(EOFError, OSError):
         while True:
             task = pipe.recv()

@@ -94,7 +94,7 @@ def test_a_measuring_process_that_dies_is_reported_and_replaced(
     session: AppSession, tmp_path: Path
 ) -> None:
     clip = session.open_clip(falling(tmp_path / "clip"))
-    session.measurer._process.kill()
+    session.measurer._process.process.kill()
     settled(clip)
     assert "ended unexpectedly" in clip.problem
     clip.begin()

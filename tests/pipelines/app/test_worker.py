@@ -32,7 +32,7 @@ def test_a_task_given_as_the_process_dies_is_answered(tmp_path: Path) -> None:
     measurer.measure(*task)
     for _ in range(4):
         assert "missing.mp4" in answers.get(timeout=30.0)
-        measurer._process.kill()
+        measurer._process.process.kill()
         assert "ended unexpectedly" in answers.get(timeout=30.0)
     assert "missing.mp4" in answers.get(timeout=30.0)
     measurer.stop()
