@@ -14,7 +14,7 @@ from measuring.setup.file import SIZE_AND_MASS
 from metrology import UsageError
 from pipelines.app.corrections import FIXED_POINTS, ClipInputs, Corrections, Stick, cure_of
 from pipelines.app.figures import LARGE_FIGURES, Figure, Standing
-from pipelines.app.pages.frame import ClipFrame, FramePoint, PlacedAt
+from pipelines.app.pages.frame import ClipFrame, FramePoint, PlacedAt, heading
 from pipelines.app.pages.spans import SpanCard
 from pipelines.app.session import AppSession, ClipSession
 from pipelines.app.words import Say, hint_of, label_of, on_page
@@ -88,8 +88,7 @@ class ClipPage:
         """Lay the page out."""
         with ui.column().classes("va-page"):
             with ui.row().classes("w-full items-baseline gap-3"):
-                with ui.element("h1"):
-                    ui.label(self.clip.path.name).props("data-test=name")
+                heading("h1", self.clip.path.name).props("data-test=name")
                 self._facts = ui.label().classes("va-small")
             with ui.element("div").classes("va-columns"):
                 with ui.element("div").classes("va-column"):
@@ -150,8 +149,7 @@ class ClipPage:
         """The numbers, the first four large."""
         say, measured = self.say, self.clip.measured
         with ui.column().classes("va-card").props("data-test=numbers aria-live=polite"):
-            with ui.element("h2"):
-                ui.label(say("results"))
+            heading("h2", say("results"))
             if measured is None:
                 if not self.clip.busy and self.clip.marks()["candidates"]:
                     ui.label(say("no_numbers", question=say("which_ball")))
@@ -174,8 +172,7 @@ class ClipPage:
             rest = [one for one in figures if one not in large]
             if rest:
                 with ui.element("details").props("data-test=more"):
-                    with ui.element("summary"):
-                        ui.label(say("more", count=len(figures))).classes("inline")
+                    heading("summary", say("more", count=len(figures))).classes("inline")
                     for figure in rest:
                         self._small(figure)
 
@@ -244,8 +241,7 @@ class ClipPage:
         findings = () if measured is None else measured.findings
         contradictions = {one.sentence: one.cures for one in findings}
         with ui.column().classes("va-card").props("data-test=messages"):
-            with ui.element("h2"):
-                ui.label(self.say("messages"))
+            heading("h2", self.say("messages"))
             for sentence in said:
                 kind = "bad" if sentence in contradictions else "warn"
                 with ui.column().classes(f"va-note {kind} gap-1"):
@@ -273,8 +269,7 @@ class ClipPage:
     def _inputs_card(self) -> None:
         say = self.say
         with ui.column().classes("va-card va-hidden-in-print").props("data-test=inputs"):
-            with ui.element("h2"):
-                ui.label(say("inputs"))
+            heading("h2", say("inputs"))
             self._fields: dict[str, Any] = {}
             with ui.element("div").classes("va-form"):
                 for name, key, example in _FIELDS:
@@ -309,8 +304,7 @@ class ClipPage:
             return
         charts = []
         with ui.column().classes("va-card").props("data-test=graphs"):
-            with ui.element("h2"):
-                ui.label(say("graphs"))
+            heading("h2", say("graphs"))
             ui.label(say("graphs_note")).classes("va-small va-hidden-in-print")
             with ui.element("div").classes("va-graphs"):
                 for graph in self.clip.graphs:

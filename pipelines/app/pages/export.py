@@ -7,6 +7,7 @@ from nicegui import ui
 
 from pipelines.app.exports import EXPORTS, Export, written
 from pipelines.app.pages.clip import copy_card, job_status
+from pipelines.app.pages.frame import heading
 from pipelines.app.session import ClipSession
 from pipelines.app.words import Say, on_page
 from pipelines.web import Jobs
@@ -35,8 +36,7 @@ class ExportPage:
         say = self.say
         with ui.column().classes("va-page"):
             with ui.column().classes("va-card"):
-                with ui.element("h1"):
-                    ui.label(say("export_of", name=self.clip.path.name))
+                heading("h1", say("export_of", name=self.clip.path.name))
                 if self.clip.measured is None:
                     ui.label(say("nothing_to_export")).props("data-test=empty")
                     return

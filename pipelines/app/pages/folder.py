@@ -19,6 +19,7 @@ from pipelines.app.campaign import (
     Wanted,
 )
 from pipelines.app.graphs import SERIES_COLOURS
+from pipelines.app.pages.frame import heading
 from pipelines.app.words import Say, label_of, on_page
 
 __all__ = ["FolderPage", "cor_options"]
@@ -104,8 +105,7 @@ class FolderPage:
         say = self.say
         with ui.column().classes("va-page"):
             with ui.column().classes("va-card"):
-                with ui.element("h1"):
-                    ui.label(say("campaign_of", name=(self.folder.clips or self.folder.out).name))
+                heading("h1", say("campaign_of", name=(self.folder.clips or self.folder.out).name))
                 self._bar = ui.linear_progress(0.0, show_value=False).props("color=teal")
                 self._bar.props(f'aria-label="{say("progress")}"')
                 self._counts = ui.label().props("role=status data-test=counts")
@@ -148,8 +148,7 @@ class FolderPage:
             button = ui.button(say("measure_all"), on_click=begin)
             button.props("unelevated dense data-test=measure-all")
         with ui.element("details").props("data-test=sheet"):
-            with ui.element("summary"):
-                ui.label(say("paste")).classes("inline")
+            heading("summary", say("paste")).classes("inline")
             sheet = ui.textarea(say("paste_here"), placeholder="clip\tball\tbackswing_deg")
             sheet.props("dense outlined stack-label data-test=pasted").classes("w-full")
             ui.button(say("paste_use"), on_click=lambda: self._try(paste)).props(

@@ -11,7 +11,13 @@ from pipelines.app.marks import EVENTS
 from pipelines.app.session import ClipSession
 from pipelines.app.words import Say
 
-__all__ = ["ClipFrame", "FramePoint", "PlacedAt"]
+__all__ = ["ClipFrame", "FramePoint", "PlacedAt", "heading"]
+
+
+def heading(tag: str, text: str) -> ui.label:
+    """A label within an element of that kind: h1, h2 or summary."""
+    with ui.element(tag):
+        return ui.label(text)
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from pipelines.app.openings import (
     placed_sample,
     samples,
 )
+from pipelines.app.pages.frame import heading
 from pipelines.app.words import Say, on_page
 
 __all__ = ["OpenPage"]
@@ -46,8 +47,7 @@ class OpenPage:
         say = self.say
         with ui.column().classes("va-page"):
             with ui.column().classes("va-card"):
-                with ui.element("h1"):
-                    ui.label(say("open_title"))
+                heading("h1", say("open_title"))
                 drop = ui.upload(label=say("drop"), auto_upload=True, on_upload=self._dropped)
                 drop.props('flat bordered data-test=drop accept="video/*,.webp,.tif,.tiff,.mkv"')
                 drop.classes("w-full")
@@ -64,8 +64,7 @@ class OpenPage:
             if places := self._recent.places():
                 self._group("recent", [(one.name, str(one.parent), one) for one in places])
             with ui.column().classes("va-card"):
-                with ui.element("h2"):
-                    ui.label(say("samples"))
+                heading("h2", say("samples"))
                 with ui.element("div").classes("va-grid"):
                     for sample in samples():
                         name, about = say(_SAMPLE_NAMES[sample.kind]), say(f"sample_{sample.kind}")
@@ -74,8 +73,7 @@ class OpenPage:
 
     def _group(self, key: str, entries: list[tuple[str, str, Path]]) -> None:
         with ui.column().classes("va-card"):
-            with ui.element("h2"):
-                ui.label(self.say(key))
+            heading("h2", self.say(key))
             with ui.element("div").classes("va-grid"):
                 for name, about, path in entries:
                     self._pick(name, about, key, partial(Path, path))
@@ -91,8 +89,7 @@ class OpenPage:
 
     def _how_to_film(self) -> None:
         with ui.column().classes("va-card"):
-            with ui.element("h2"):
-                ui.label(self.say("how_to_film"))
+            heading("h2", self.say("how_to_film"))
             with ui.element("div").classes("va-grid"):
                 for key in ("film_good", "film_bad"):
                     picture = files("pipelines.app").joinpath(f"{key}.svg").read_text("utf-8")

@@ -14,7 +14,7 @@ from nicegui import ui
 from metrology import ImpactVisionError
 from pipelines.app.corrections import ClipInputs, cure_of
 from pipelines.app.pages.clip import copy_card, job_status
-from pipelines.app.pages.frame import ClipFrame, FramePoint
+from pipelines.app.pages.frame import ClipFrame, FramePoint, heading
 from pipelines.app.session import ClipSession
 from pipelines.app.words import Say, on_page
 from pipelines.calibrate.answers import ANSWER_OPTIONS, EMPTY_ANSWERS, Answers, text_of
@@ -154,8 +154,7 @@ class SetupPage:
         say = self.say
         with ui.column().classes("va-page"):
             with ui.row().classes("w-full items-baseline gap-3"):
-                with ui.element("h1"):
-                    ui.label(say("setup_of", name=self.clip.path.name))
+                heading("h1", say("setup_of", name=self.clip.path.name))
                 self._facts = ui.label().classes("va-small")
             with ui.element("div").classes("va-columns va-ends"):
                 with ui.element("div").classes("va-column"), ui.column().classes("va-card"):
@@ -189,8 +188,7 @@ class SetupPage:
     def _card(self, key: str, answers: tuple[tuple[str, str, str], ...]) -> None:
         say = self.say
         with ui.column().classes("va-card").props(f"data-test=card-{key}"):
-            with ui.element("h2"):
-                ui.label(say(f"card_{key}"))
+            heading("h2", say(f"card_{key}"))
             for name, label, example in answers:
                 field = ui.input(say(label), placeholder=example)
                 field.props(f"dense outlined stack-label data-test={name}").classes("w-full")
@@ -251,8 +249,7 @@ class SetupPage:
     def _length_card(self) -> None:
         say = self.say
         with ui.element("details").classes("va-card").props("data-test=length"):
-            with ui.element("summary"):
-                ui.label(say("verify_length")).classes("inline")
+            heading("summary", say("verify_length")).classes("inline")
             with ui.row().classes("w-full items-center gap-2"):
                 self._frame.button("end0", say("place_ends"))
                 self._length = ui.input(say("known_length"), placeholder="0.500 m")
@@ -294,8 +291,7 @@ class SetupPage:
             return
         found = session.outlook
         with ui.column().classes("va-card").props("data-test=outlook aria-live=polite"):
-            with ui.element("h2"):
-                ui.label(say("expected"))
+            heading("h2", say("expected"))
             if found.std is None or found.distance is None:
                 ui.label(say("expected_open")).classes("va-small").props("data-test=std")
                 scaled = session.answers.grid is None and session.answers.inputs.ball is not None

@@ -8,6 +8,7 @@ from pipelines.api.explained import Verdict
 from pipelines.api.measured import Measurement
 from pipelines.app.corrections import ClipInputs, Corrections, options_of
 from pipelines.app.pages.clip import copy_card, job_status
+from pipelines.app.pages.frame import heading
 from pipelines.app.session import ClipSession
 from pipelines.app.words import Say
 from pipelines.terminal import as_typed
@@ -88,8 +89,7 @@ class WhyPage:
         say, clip = self.say, self.clip
         with ui.column().classes("va-page"):
             with ui.column().classes("va-card"):
-                with ui.element("h1"):
-                    ui.label(say("why_of", name=clip.path.name))
+                heading("h1", say("why_of", name=clip.path.name))
                 struck = clip.measured is None or clip.measured.motion.measured_as in _WITH_STRIKE
                 ui.label(say("why_note" if struck else "why_alone")).classes("va-small")
                 if clip.measured is None:
@@ -112,8 +112,7 @@ class WhyPage:
                 "max-width: 900px; background: #fff"
             )
             with ui.element("details"):
-                with ui.element("summary"):
-                    ui.label(self.say("why_all")).classes("inline")
+                heading("summary", self.say("why_all")).classes("inline")
                 ui.html(found.html, sanitize=False)
 
     def _explain(self) -> None:
