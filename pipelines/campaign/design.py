@@ -184,15 +184,8 @@ def design_campaign(
             f"a standard uncertainty of {target:g} of the COR is not between 0 and 1",
             hint="Pass for example --target-cor-std 0.003.",
         )
-    angles = np.arange(backswings_deg[0], backswings_deg[1] + 0.5 * _STEP_DEG, _STEP_DEG)
+    angles = _backswings(ball, *backswings_deg)
     swings = np.radians(angles)
-    if len(angles) < 3 or swings[0] <= ball.launch_angle or swings[-1] > np.pi:
-        raise DomainError(
-            f"back-swings from {backswings_deg[0]:g}° to {backswings_deg[1]:g}° are not a usable"
-            " range",
-            hint="Pass --smallest and --largest at least 4° apart, between"
-            f" {math.degrees(ball.launch_angle):.0f}° and 180°.",
-        )
     speeds = np.asarray(frictionless_speed(pendulum, swings, ball.launch_angle, gravity))
     slopes = _slopes(law, speeds)
     weights = _d_optimal(slopes)
@@ -223,6 +216,19 @@ def design_campaign(
         precisions=precisions,
         first=_first(precisions, target),
     )
+
+
+def _backswings(ball: Ball, smallest: float, largest: float) -> FloatArray:
+    """Back-swings that are considered, degrees."""
+    angles = np.arange(smallest, largest + 0.5 * _STEP_DEG, _STEP_DEG)
+    lowest = math.degrees(ball.launch_angle)
+    if len(angles) < 3 or angles[0] <= lowest or np.radians(angles[-1]) > np.pi:
+        raise DomainError(
+            f"back-swings from {smallest:g}° to {largest:g}° are not a usable range",
+            hint="Pass --smallest and --largest at least 4° apart, between"
+            f" {lowest:.0f}° and 180°.",
+        )
+    return angles
 
 
 def _slopes(law: CorLaw, speeds: FloatArray) -> FloatArray:

@@ -661,12 +661,7 @@ def campaign_from_clips(
     """
     from measuring.chain import MeasureOptions, measure_clip
 
-    names = [path.stem for path in clips]
-    again = sorted({name for name in names if names.count(name) > 1})
-    if again:
-        raise UsageError(
-            f"two clips are called {again[0]}", hint="Rename one: the name identifies the trial."
-        )
+    _refuse_same_names(clips)
     known, setup = facts or {}, with_rig(setup)
     trials: list[Trial] = []
     widths: list[dict[str, float]] = []
@@ -703,6 +698,15 @@ def campaign_from_clips(
         tuple(trials), (*left_out, *notes), common, instruments=common_faults(faults),
         assumed=level,
     )  # fmt: skip
+
+
+def _refuse_same_names(clips: Sequence[Path]) -> None:
+    names = [path.stem for path in clips]
+    again = sorted({name for name in names if names.count(name) > 1})
+    if again:
+        raise UsageError(
+            f"two clips are called {again[0]}", hint="Rename one: the name identifies the trial."
+        )
 
 
 def campaign_of_flight(measured: "ClipMeasurement", setup: Setup) -> ClipCampaign:

@@ -6,6 +6,7 @@ one track can be subtracted from each other.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 
@@ -418,23 +419,10 @@ def fit_swing(seen: Observations, noise: float) -> Swing | None:
     scale = max(3.0, DISCREPANCY * float(np.hypot(*np.ptp(few.place, axis=0))) / noise)
     lower = [-np.inf, -np.inf, math.log(0.02), -0.5]
     upper = [np.inf, np.inf, math.log(_MAX_AMPLITUDE), 6.0]
-    starts = _frequencies(time, few.place, span)
-    trial = []
-    flat = few.place - few.place.mean(axis=0)
-    main = flat @ np.linalg.svd(flat, full_matrices=False)[2][0]
-    for frequency in starts:
-        turn = frequency * time
-        waves = np.column_stack([np.sin(turn), np.cos(turn), np.ones_like(turn)])
-        sine, cosine, _ = np.linalg.lstsq(waves, main, rcond=None)[0]
-        seen_phase = math.atan2(float(cosine), float(sine))
-        # a bob that swings beyond the horizontal comes back twice: half the frequency
-        options = [(1.0, amplitude, seen_phase) for amplitude in _AMPLITUDES]
-        options += [(0.5, _AMPLITUDES[-1], third * math.pi / 3.0) for third in range(3)]
-        for share, amplitude, phase in options:
-            drifts = frequency * share * span > 3.0 * math.pi
-            first = np.array([math.log(frequency * share), phase, math.log(amplitude), 0.3])
-            cost = float(np.log1p((solved(first, drifts, rough) / scale) ** 2).sum())
-            trial.append((cost, first, drifts))
+    trial = [
+        (float(np.log1p((solved(first, drifts, rough) / scale) ** 2).sum()), first, drifts)
+        for first, drifts in _swing_starts(time, few.place, span)
+    ]
 
     def refined(
         first: FloatArray, drifts: bool, rows: Observations, steps: int
@@ -464,6 +452,25 @@ def fit_swing(seen: Observations, noise: float) -> Swing | None:
     assert best is not None
     _, values, drifts = best
     return _finished(seen, values, drifts)
+
+
+def _swing_starts(
+    time: FloatArray, place: FloatArray, span: float
+) -> Iterator[tuple[FloatArray, bool]]:
+    """Starting values of a swing, and whether the camera's view of it may drift."""
+    flat = place - place.mean(axis=0)
+    main = flat @ np.linalg.svd(flat, full_matrices=False)[2][0]
+    for frequency in _frequencies(time, place, span):
+        turn = frequency * time
+        waves = np.column_stack([np.sin(turn), np.cos(turn), np.ones_like(turn)])
+        sine, cosine, _ = np.linalg.lstsq(waves, main, rcond=None)[0]
+        seen_phase = math.atan2(float(cosine), float(sine))
+        # a bob that swings beyond the horizontal comes back twice: half the frequency
+        options = [(1.0, amplitude, seen_phase) for amplitude in _AMPLITUDES]
+        options += [(0.5, _AMPLITUDES[-1], third * math.pi / 3.0) for third in range(3)]
+        for share, amplitude, phase in options:
+            first = np.array([math.log(frequency * share), phase, math.log(amplitude), 0.3])
+            yield first, frequency * share * span > 3.0 * math.pi
 
 
 def _finished(seen: Observations, values: FloatArray, drifts: bool) -> Swing:
