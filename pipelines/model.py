@@ -7,8 +7,7 @@ Simulates a strike from back-swing or impact speed to landing, or inverts it for
 import csv
 import io
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -79,9 +78,6 @@ if TYPE_CHECKING:
     from pipelines.report.plots import Picture
 
 __all__ = [
-    "BLUE",
-    "GRAY",
-    "ORANGE",
     "AskedExperiment",
     "Planning",
     "added_effects",
@@ -100,7 +96,6 @@ __all__ = [
     "planned_figure",
     "quantities_as_csv",
     "quantities_document",
-    "saved_figure",
     "scatter_of",
     "send_out",
     "simulate",
@@ -494,51 +489,12 @@ def alter_outcome(
     )
 
 
-BLUE, ORANGE, GRAY = "#1f6fb4", "#d95f02", "#666666"
-
-_STYLE: Any = {
-    "font.size": 9,
-    "axes.grid": True,
-    "grid.color": "#dddddd",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "legend.frameon": False,
-}
-
-"""Font size and line widths, points: readable on a page printed at half size."""
-
-
-@contextmanager
-def styled_figure(width: float = 6.4, height: float = 3.6) -> "Iterator[Picture]":
-    """A figure in the style of these plots; sizes in inches."""
-    import matplotlib
-
-    from pipelines.report.plots import Picture
-
-    with matplotlib.rc_context(_STYLE):
-        yield Picture(figsize=(width, height), dpi=150, layout="constrained")
-
-
-@contextmanager
-def saved_figure(path: Path, width: float = 6.4, height: float = 3.6) -> "Iterator[Picture]":
-    """A figure written atomically to `path` (.png or .svg) when the block succeeds.
-
-    Raises
-    ------
-    UsageError
-        For another kind of file.
-    """
-    with styled_figure(width, height) as figure:
-        yield figure
-        from pipelines.report.plots import save_figure
-
-        save_figure(figure, path)
-
-
 def flights_figure(
     experiment: Experiment, impulsive: FlightPath, turned: FlightPath | None
 ) -> "Picture":
     """The ball's path from the paper's launch and from the time-resolved contact."""
+    from pipelines.report.plots import BLUE, GRAY, ORANGE, styled_figure
+
     with styled_figure() as figure:
         axes = figure.subplots()
         axes.axhline(experiment.ball.radius, color=GRAY, lw=0.8, ls=":")
@@ -566,6 +522,8 @@ def plan_figure(
     fitted: Callable[[float], bool],
 ) -> "Picture":
     """Distance against back-swing angle (rad), the wanted point, and the extrapolated range."""
+    from pipelines.report.plots import BLUE, GRAY, ORANGE, styled_figure
+
     degrees = np.rad2deg(angles)
     with styled_figure() as figure:
         axes = figure.subplots()

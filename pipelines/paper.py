@@ -56,7 +56,7 @@ from physics.forward import (
 from physics.restitution import ConstantCor, CorLaw, ExponentialCor
 from physics.swing import backswing_for_speed, frictionless_speed
 from pipelines.doors import FileRole, ResultsJsonOption
-from pipelines.model import BLUE, GRAY, ORANGE, saved_figure
+from pipelines.report.plots import BLUE, GRAY, ORANGE, save_figure, styled_figure
 from pipelines.terminal import screen, write_json
 
 __all__ = [
@@ -710,7 +710,7 @@ def swing_checks() -> tuple[SwingCheck, ...]:
 
 def draw_sensitivities(path: Path) -> None:
     """Relative change of e per relative change of each input, both balls."""
-    with saved_figure(path, 6.4, 3.8) as figure:
+    with styled_figure(6.4, 3.8) as figure:
         axes = figure.subplots()
         places = np.arange(len(_INPUTS))
         for shift, name, colour in zip((-0.2, 0.2), BALLS, (BLUE, ORANGE), strict=True):
@@ -721,6 +721,7 @@ def draw_sensitivities(path: Path) -> None:
         axes.invert_yaxis()
         axes.set_xlabel("relative change of e per relative change of the input")
         axes.legend(loc="lower right")
+        save_figure(figure, path)
 
 
 _KIND_COLOURS = {"variable": BLUE, "constant": ORANGE}
@@ -973,12 +974,13 @@ def draw_figures(folder: Path, only: tuple[str, ...] = ()) -> tuple[Path, ...]:
     for number in only or tuple(FIGURES):
         painter, balls = FIGURES[number]
         files.append(folder / f"figure_{number}.png")
-        with saved_figure(files[-1], width=4.8 * len(balls), height=3.4) as figure:
+        with styled_figure(4.8 * len(balls), 3.4) as figure:
             panels: Any = np.ravel(figure.subplots(1, len(balls), squeeze=False))
             for axes, name in zip(panels, balls, strict=True):
                 painter(axes, BALLS[name])
                 if number not in ("02", "05"):
                     axes.set_title(name, fontsize=9)
+            save_figure(figure, files[-1])
     return tuple(files)
 
 

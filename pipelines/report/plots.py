@@ -3,7 +3,8 @@
 import io
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
@@ -28,6 +29,7 @@ __all__ = [
     "plot_panel",
     "plots_figure",
     "save_figure",
+    "styled_figure",
     "write_plot",
 ]
 
@@ -89,6 +91,14 @@ STYLE: Any = {
     "legend.fontsize": 8,
 }
 """Font sizes and line widths in points: legible when printed at half size."""
+
+
+@contextmanager
+def styled_figure(width: float = 6.4, height: float = 3.6) -> Iterator[Picture]:
+    """A figure in this style; sizes in inches."""
+    with matplotlib.rc_context(STYLE):
+        yield Picture(figsize=(width, height), dpi=150, layout="constrained")
+
 
 Panel = tuple[str, Callable[[Axes], None]]
 _POINTS: dict[str, Any] = {"fmt": "o", "ms": 2.6, "lw": 0, "elinewidth": 0.7, "capsize": 0}
