@@ -11,7 +11,6 @@ import io
 import json
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
@@ -20,13 +19,12 @@ from measuring.chain import MeasureOptions, measure_clip
 from measuring.setup.file import load_setup
 from metrology.quantity import format_quantity
 from pipelines.measure.files import overlay_marks, report_input
-from pipelines.report.plots import STYLE, panels_of, write_plot
+from pipelines.report.plots import PANELS, plot_panel, styled_figure, write_plot
 from vision.clip.clip import ClipReader
 from vision.overlay import overlay_still
 
 ROOT = Path(__file__).parents[1]
 CLIP = ROOT / "sample_videos" / "clips" / "basketball_60.mp4"
-NAMES = ("gap", "speeds", "path", "residuals")
 FLYING, WIDTH = 150, 1000
 
 
@@ -49,14 +47,9 @@ def main() -> None:
     plots = Image.open(folder / "demo_plots.png").convert("RGB")
     plots = plots.resize((WIDTH, round(WIDTH * plots.height / plots.width)))
     plots.quantize(128, Image.Quantize.FASTOCTREE).save(folder / "demo_plots.png", optimize=True)
-    for name, (title, draw) in zip(NAMES, panels_of(shown), strict=True):
-        with matplotlib.rc_context(STYLE):
-            figure = Figure(figsize=(6.2, 3.5), layout="constrained")
-            axes = figure.subplots()
-            axes.set_title(title)
-            draw(axes)
-            if axes.get_legend_handles_labels()[0]:
-                axes.legend()
+    for name in PANELS:
+        with styled_figure(6.2, 3.5) as figure:
+            plot_panel(shown, figure.subplots(), name)
             saved(figure, folder / f"{name}.png")
     marks = overlay_marks(measured)
     still = overlay_still(ClipReader.open(CLIP), measured.tracks, marks, frame=FLYING)

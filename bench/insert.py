@@ -70,21 +70,24 @@ def values() -> dict[str, Callable[[], str]]:
     for name, (head, *rows) in read_results("model.json").items():
         known[f"model.{name}"] = partial(_table, head, rows)
     known |= _evidence(read_results("evidence.json"))
-    known["kills"] = lambda: _kills_text(read_results("kills.json"))
-    known["everywhere"] = lambda: _everywhere_text(read_results("everywhere.json"))
-    known["hostile"] = lambda: _hostile_text(read_results("hostile.json"))
-    known["inputs"] = lambda: _inputs_text(read_results("inputs.json"))
-    known["page"] = lambda: _page_text(read_results("page.json"))
-    known["cost.table"] = lambda: _cost_table(read_results("cost.json"))
+    for key, written in {
+        "kills": _kills_text,
+        "everywhere": _everywhere_text,
+        "hostile": _hostile_text,
+        "inputs": _inputs_text,
+        "page": _page_text,
+        "cost.table": _cost_table,
+        "real.table": _real_table,
+        "real.summary": _real_summary,
+        "ablation.steps": _steps_table,
+        "ablation.table": _ablation_table,
+    }.items():
+        known[key] = partial(written, read_results(f"{key.partition('.')[0]}.json"))
     names = read_results("acceptance.json")
     worlds = {**names["worlds"], "all": names["all"]}
     known["acceptance.worlds"] = lambda: _acceptance_table(worlds, ("world", "names"))
     stated = read_results("reliability.json")
     known["reliability.table"] = lambda: _acceptance_table(stated, ("probability of", "recordings"))
-    known["real.table"] = lambda: _real_table(read_results("real.json"))
-    known["real.summary"] = lambda: _real_summary(read_results("real.json"))
-    known["ablation.steps"] = lambda: _steps_table(read_results("ablation.json"))
-    known["ablation.table"] = lambda: _ablation_table(read_results("ablation.json"))
     return known
 
 
@@ -268,22 +271,26 @@ def _error(entry: Record | None, relative: bool, factor: float, unit: str) -> st
     return f"{text} ({error / entry['std']:+.1f})" if entry["std"] else text
 
 
+COMPARED = (
+    ("contact_time", False, 1e3, "ms"),
+    ("ball_speed", True, PERCENT, "%"),
+    ("launch_angle", False, 1.0, "°"),
+    ("landing_distance", True, PERCENT, "%"),
+    ("cor", False, 1.0, ""),
+)
+"""Quantities of the tables of clips: whether the error is relative, its factor and its unit."""
+
+
 def _clips_table(clips: Record) -> str:
-    rows = []
-    for key, clip in clips.items():
-        q = clip["quantities"]
-        rows.append(
-            (
-                key.partition("/")[2],
-                clip["kind"] or "refused",
-                _error(q.get("contact_time"), False, 1e3, "ms"),
-                _error(q.get("ball_speed"), True, PERCENT, "%"),
-                _error(q.get("launch_angle"), False, 1.0, "°"),
-                _error(q.get("landing_distance"), True, PERCENT, "%"),
-                _error(q.get("cor"), False, 1.0, ""),
-                f"{clip['within_95']} of {clip['compared']}",
-            )
+    rows = [
+        (
+            key.partition("/")[2],
+            clip["kind"] or "refused",
+            *(_error(clip["quantities"].get(name), *how) for name, *how in COMPARED),
+            f"{clip['within_95']} of {clip['compared']}",
         )
+        for key, clip in clips.items()
+    ]
     header = ("clip", "kind", "contact time", "speed", "angle", "landing", "COR", "95 % hold")
     return _table(header, rows)
 
@@ -316,13 +323,7 @@ def _summary_table(clips: Record) -> str:
         if not mine:
             continue
         cells = [part, str(len(mine)), str(sum(clip["kind"] == "strike" for clip in mine))]
-        for name, relative, factor, unit in (
-            ("contact_time", False, 1e3, "ms"),
-            ("ball_speed", True, PERCENT, "%"),
-            ("launch_angle", False, 1.0, "°"),
-            ("landing_distance", True, PERCENT, "%"),
-            ("cor", False, 1.0, ""),
-        ):
+        for name, relative, factor, unit in COMPARED:
             entries = [c["quantities"][name] for c in mine if name in c["quantities"]]
             errors = [
                 abs(e["value"] - e["true"]) * factor / (e["true"] if relative else 1.0)

@@ -83,43 +83,27 @@ class UncertaintySource(StrEnum):
         Errors of single clips (noise, the camera's position for it) average out over a campaign;
         shared ones do not.
         """
-        return self in _SHARED_SOURCES
+        return self not in _SOURCES_OF_ONE_CLIP
 
 
-_SHARED_SOURCES = frozenset(
+_SOURCES_OF_ONE_CLIP = frozenset(
     {
-        UncertaintySource.CAPTURE_RATE,
-        UncertaintySource.COR_MEAN,
-        UncertaintySource.PENDULUM_INERTIA,
-        UncertaintySource.PENDULUM_LENGTH,
-        UncertaintySource.PENDULUM_MASS,
-        UncertaintySource.CENTRE_OF_MASS,
-        UncertaintySource.PENDULUM_ARM,
-        UncertaintySource.PENDULUM_RINGING,
-        UncertaintySource.CONTACT_NORMAL,
-        UncertaintySource.SUPPORT_HEIGHT,
-        UncertaintySource.BALL_MASS,
-        UncertaintySource.SCALE,
-        UncertaintySource.PERSPECTIVE,
-        UncertaintySource.CAMERA_ROLL,
-        UncertaintySource.CAMERA_SLANT,
-        UncertaintySource.GRID_PITCH,
-        UncertaintySource.LENS_UNKNOWN,
-        UncertaintySource.LENS_CALIBRATION,
-        UncertaintySource.CAMERA_DISTANCE,
-        UncertaintySource.CAMERA_X,
-        UncertaintySource.CAMERA_Y,
-        UncertaintySource.AXIS_FOOT_X,
-        UncertaintySource.AXIS_FOOT_Y,
-        UncertaintySource.BALL_PLANE_OFFSET,
-        UncertaintySource.BALL_PLANE_GUESS,
-        UncertaintySource.BALL_DIAMETER,
-        UncertaintySource.DRAG_COEFFICIENT,
-        UncertaintySource.AIR_DENSITY,
-        UncertaintySource.GRAVITY,
-        UncertaintySource.SUPPORT,
-        UncertaintySource.MASS_OF_BALL,
-        UncertaintySource.EFFECTIVE_MASS,
+        UncertaintySource.TRACK_NOISE,
+        UncertaintySource.RELEASE_INSTANT,
+        UncertaintySource.FRAME_COUNT,
+        UncertaintySource.PENDULUM_ZERO,
+        UncertaintySource.PENDULUM_PIVOT,
+        UncertaintySource.DRAG,
+        UncertaintySource.CONTRADICTION,
+        UncertaintySource.GRID_LINES,
+        UncertaintySource.FREE_FALL,
+        UncertaintySource.BALL_CENTRE,
+        UncertaintySource.TRIAL_SCATTER,
+        UncertaintySource.COR,
+        UncertaintySource.LAUNCH_ANGLE,
+        UncertaintySource.CONTACT_TIME,
+        UncertaintySource.BACKSWING,
+        UncertaintySource.DISTANCE,
     }
 )
 

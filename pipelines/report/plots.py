@@ -21,6 +21,7 @@ from pipelines.doors import DATE
 from pipelines.report.inputs import GapRecord, Moment, PathRecord, ReportInput, SpeedRecord
 
 __all__ = [
+    "PANELS",
     "Panel",
     "Picture",
     "draw_into",
