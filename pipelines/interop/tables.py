@@ -1105,21 +1105,30 @@ def _deeplabcut(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> Ex
         )
     heads = [line.split(mark) for line in lines[1 : rows + 1]]
     table, frame = _numbers_of(lines[rows + 1 :], mark, path)
+    count = min(len(head) for head in heads)
+    named = [tuple(head[k].strip() for head in heads) for k in range(1, count)]
+    return _body_parts(named, table[:, 1:], frame, path)
+
+
+def _body_parts(
+    heads: Sequence[tuple[str, ...]], values: FloatArray, frame: FloatArray, path: Path
+) -> ExternalTracks:
+    """Tracks of DeepLabCut's columns, each named by (individual and) body part, and coordinate."""
     columns: dict[str, dict[str, int]] = {}
-    for k in range(1, min(len(head) for head in heads)):
-        name = " ".join(head[k].strip() for head in heads[:-1])
-        columns.setdefault(name, {})[heads[-1][k].strip()] = k
-    tracks, left_out = [], 0
+    for k, (*part, coordinate) in enumerate(heads):
+        columns.setdefault(" ".join(part), {})[coordinate] = k
+    tracks, ignored = [], 0
     for name, own in columns.items():
         if not {"x", "y"} <= own.keys():
             continue
-        place = table[:, [own["x"], own["y"]]]
+        place = values[:, [own["x"], own["y"]]]
         if "likelihood" in own:
-            unsure = table[:, own["likelihood"]] < MIN_LIKELIHOOD
-            left_out += int(unsure.sum())
+            unsure = values[:, own["likelihood"]] < MIN_LIKELIHOOD
+            ignored += int(unsure.sum())
             place = np.where(unsure[:, np.newaxis], np.nan, place)
         tracks.append(_track(name, place, frame))
-    return _found(path, Program.DEEPLABCUT, tracks, None, _unlikely(left_out))
+    notes = (f"{ignored} marks with a likelihood below {MIN_LIKELIHOOD:g} are ignored.",)
+    return _found(path, Program.DEEPLABCUT, tracks, None, notes if ignored else ())
 
 
 def _numbers_of(lines: Sequence[str], mark: str, path: Path) -> tuple[FloatArray, FloatArray]:
@@ -1137,12 +1146,6 @@ def _numbers_of(lines: Sequence[str], mark: str, path: Path) -> tuple[FloatArray
     # labelled pictures: folder, clip and name in one column or in three
     named = table.select_dtypes(exclude="number").astype("string").agg("/".join, axis=1)
     return values, np.asarray(pd.to_numeric(named.str.extract(r"(\d+)\D*$")[0]), dtype=float)
-
-
-def _unlikely(count: int) -> tuple[str, ...]:
-    if not count:
-        return ()
-    return (f"{count} marks with a likelihood below {MIN_LIKELIHOOD:g} are ignored.",)
 
 
 def _sleap(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> ExternalTracks:
@@ -1200,20 +1203,7 @@ def _deeplabcut_h5(group: Any, path: Path) -> ExternalTracks:
             f"{path}: its table can't be read",
             hint="Pass the CSV file that DeepLabCut writes next to it.",
         )
-    columns: dict[str, dict[str, int]] = {}
-    for number, head in enumerate(heads):
-        columns.setdefault(" ".join(head[1:-1]), {})[head[-1]] = number
-    tracks, ignored = [], 0
-    for name, own in columns.items():
-        if not {"x", "y"} <= own.keys():
-            continue
-        place = values[:, [own["x"], own["y"]]]
-        if "likelihood" in own:
-            unsure = values[:, own["likelihood"]] < MIN_LIKELIHOOD
-            ignored += int(unsure.sum())
-            place = np.where(unsure[:, np.newaxis], np.nan, place)
-        tracks.append(_track(name, place, frames))
-    return _found(path, Program.DEEPLABCUT, tracks, None, _unlikely(ignored))
+    return _body_parts([head[1:] for head in heads], values, frames, path)
 
 
 def _pandas_table(group: Any) -> tuple[list[tuple[str, ...]], FloatArray, FloatArray]:
