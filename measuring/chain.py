@@ -455,7 +455,7 @@ def measurement_of(
     warnings : sequence of str
         From reading the clip; they come first.
     """
-    findings = clip_findings(followed, found.grid)
+    findings = clip_findings(followed, found.grid, found)
     explained = {
         check.statement
         for check in found.results.checks

@@ -286,7 +286,21 @@ def _why(quantity: Quantity, scene: ClipConditions) -> str:
     named = "" if nearest is None else f" ({nearest:g} fps, with --fps {nearest:g}?)"
     return (
         f"A capture rate of {rate:.1f} fps instead of {scene.rate.fps:g} would explain it{named},"
-        f" or lengths {1 / ratio:.3f} times too long"
+        f" or lengths of {1 / ratio:.3f} times the true ones: check {_lengths(scene)}"
+    )
+
+
+def _lengths(scene: ClipConditions) -> str:
+    """What the scale follows from."""
+    if scene.metres_per_px is not None:
+        return "the scale (--scale)"
+    if scene.calibration is None:
+        return "the ball's diameter (--ball)"
+    if scene.inputs.setup.camera.distance_to_wall is None:
+        return "the grid's pitch (--wall-grid)"
+    return (
+        "the grid's pitch (--wall-grid) and both distances (distance_to_wall in [camera] of the"
+        " set-up file, ball_plane_offset in [wall])"
     )
 
 

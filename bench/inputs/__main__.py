@@ -196,6 +196,16 @@ def _ramp(factor: int) -> Callable[[list[Gray], Path], Path]:
     return make
 
 
+def _framed(pictures: list[Gray], folder: Path) -> Path:
+    """A clip between black bars on all sides, which cover more than half of it."""
+    return _written([np.pad(one, ((30, 30), (40, 40))) for one in pictures], folder / "bars.mp4")
+
+
+def _enlarged(pictures: list[Gray], folder: Path) -> Path:
+    larger = [cv2.resize(one, None, fx=3, fy=3, interpolation=cv2.INTER_CUBIC) for one in pictures]
+    return _written(larger, folder / "larger.mp4")
+
+
 def _two_quotes(_: Path) -> None:
     read_sheet(_inputs() / "explain_trials_two_quotes.csv", {})
 
@@ -251,6 +261,8 @@ CASES = (
         Case(f"middle slower {factor} times", _clip(_ramp(factor), fps="600"), "in slow motion")
         for factor in (4, 8)
     ),
+    Case("black bars around", _clip(_framed, fps="600")),
+    Case("enlarged 3 times", _clip(_enlarged, fps="600")),
     Case("animated WebP", _clip(_webp, fps="600")),
     Case("raw Bayer TIFF", _clip(_raw, fps="600")),
 )

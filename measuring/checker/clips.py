@@ -1,16 +1,19 @@
 """Collect the facts of a tracked clip for the checker."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.grid import WallGrid, find_wall_grid
 from measuring.checker.scene import Finding, SceneFacts, findings_of
-from metrology import CalibrationError
+from measuring.gravity import contradicts_gravity
+from metrology import CalibrationError, Defaults
 from vision.tracks import MotionKind
 
 if TYPE_CHECKING:
-    from measuring.chain import FollowedClip
+    from measuring.chain import FollowedClip, Found
 
 __all__ = ["clip_facts", "clip_findings"]
 
@@ -22,9 +25,36 @@ _FALLING_MOTIONS = frozenset(
 """Kinds of motion in which the ball may fly freely."""
 
 
-def clip_findings(followed: "FollowedClip", grid: WallGrid | None) -> tuple[Finding, ...]:
-    """Findings on a tracked clip; `grid` as measured, None if it was not found or refused."""
-    return findings_of(clip_facts(followed, grid))
+def clip_findings(
+    followed: "FollowedClip", grid: WallGrid | None, found: "Found | None" = None
+) -> tuple[Finding, ...]:
+    """Findings on a tracked clip, and on what was measured in it.
+
+    Parameters
+    ----------
+    followed : FollowedClip
+    grid : WallGrid or None
+        As measured, None if it was not found or refused.
+    found : Found, optional
+        Its fitted fall is without air and perspective, which a track's parabola is not.
+    """
+    facts = clip_facts(followed, grid)
+    if facts.flies and found is not None:
+        facts = replace(facts, fall=_fitted_fall(found, facts.centre_px))
+    return findings_of(facts)
+
+
+def _fitted_fall(found: "Found", centre_px: NDArray[np.float64]) -> tuple[float, float] | None:
+    """The fitted fall in px per picture squared; None if it is so far off that it was disturbed."""
+    seen, plane = found.results.gravity, found.plane
+    if seen.value is None or seen.std is None or plane is None:
+        return None
+    if contradicts_gravity(seen.value, Defaults.GRAVITY.known, seen.std):
+        return None
+    middle, step = np.median(centre_px, axis=0), 0.5 * np.eye(2)
+    corners = plane.point(middle + step) - plane.point(middle - step)
+    pixels = 1.0 / (float(np.sqrt(abs(np.linalg.det(corners)))) * found.rate.fps**2)
+    return seen.value * pixels, seen.std * pixels
 
 
 def clip_facts(followed: "FollowedClip", grid: WallGrid | None) -> SceneFacts:

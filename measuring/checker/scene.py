@@ -103,6 +103,9 @@ class SceneFacts:
         With their std, m.
     drag : tuple of float or None
         Deceleration by the air over the square of the speed, with its std, 1/m.
+    fall : tuple of float or None
+        Acceleration of the free fall without air and perspective, with its std, px per picture
+        squared at the median place; None if it is to be estimated from the track.
     """
 
     frame: FloatArray
@@ -118,6 +121,7 @@ class SceneFacts:
     camera_distance: tuple[float, float] | None = None
     plane_offset: tuple[float, float] | None = None
     drag: tuple[float, float] | None = None
+    fall: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -294,7 +298,11 @@ def equations_of(facts: SceneFacts) -> tuple[list[Input], list[Relation]]:
                 math.hypot(_WALL_STD, _WALL_STD_PER_TANGENT * tangent),
             )
         )
-    if fall is not None:
+    if facts.fall is not None:
+        size, std = facts.fall
+        powers, known = {"scale": 1.0, "rate": 2.0}, Defaults.GRAVITY.known / size
+        relations.append(Relation("free fall", powers, known, math.hypot(_FALL_STD, std / size)))
+    elif fall is not None:
         size = float(np.hypot(*fall.acceleration))
         # another scale or ball slows it otherwise: to first order, a power of each
         slowed, slowed_std, metres, diameter = _drag_fraction(facts, fall)

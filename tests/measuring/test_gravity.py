@@ -50,3 +50,21 @@ def test_a_doubtful_scale_is_doubted_as_much_where_the_fall_is_as_it_should_be(
     _, check = gravity_check(found, scene)
     assert check is not None
     assert check.outcome is outcome
+
+
+@pytest.mark.parametrize("camera", ["distance_to_wall", None])
+def test_a_fall_that_does_not_fit_names_what_lengths_follow_from(camera: str | None) -> None:
+    setup = Setup() if camera is None else Setup().having({f"camera.{camera}": "4.6 m"})
+    lines = (Contribution(UncertaintySource.TRACK_NOISE, 0.1),)
+    found = Quantity.measured("gravity", 9.2, "m/s^2", lines)
+    rate = CaptureRate(600.0, 0.0, RateSource.OPTION)
+    inputs = gather_inputs(setup, "jokku", None)
+    for scene, said in (
+        (ClipConditions(inputs, rate, None), "--ball"),
+        (ClipConditions(inputs, rate, None, metres_per_px=(0.01, 0.001)), "--scale"),
+        (ClipConditions(inputs, rate, object()), camera or "--wall-grid"),
+    ):
+        _, check = gravity_check(found, scene)
+        assert check is not None
+        assert "lengths of 0.938 times the true ones" in check.statement
+        assert said in check.statement

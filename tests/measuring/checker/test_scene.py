@@ -217,6 +217,20 @@ def test_a_wrong_ball_that_the_air_slows(drag: float, speed: float, wrong: float
     assert abs(found.value - lab.diameter) < 2.0 * found.std
 
 
+def test_a_fitted_fall_takes_the_place_of_the_track_s_parabola() -> None:
+    lab = Lab()
+    facts = lab.facts()
+    size = G / lab.scale / lab.fps**2
+    # perspective and air bend the path by a tenth more
+    bent = replace(facts, centre_px=facts.centre_px + 0.05 * size * facts.frame[:, None] ** 2)
+    assert findings_of(bent) != ()
+    assert findings_of(replace(bent, fall=(size, 0.01 * size))) == ()
+    short = replace(bent, fall=(size, 0.01 * size), camera_distance=(2.2, 0.01))
+    found = only(findings_of(short))
+    (ratio,) = (text for text in found.sentence.split(";") if "distance_to_wall" in text)
+    assert 4.0 < float(ratio.split('distance_to_wall = "')[1].split()[0]) < 5.2
+
+
 def test_a_slanted_view_is_no_contradiction() -> None:
     lab = Lab()
     facts = lab.facts()
