@@ -9,7 +9,6 @@ a clip of sample_videos.
 import argparse
 import json
 import math
-import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,14 +16,12 @@ from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
-from typer.testing import CliRunner
 
 from bench.insert import rounded
 from calib.camera import Camera, Lens
 from impact_vision import measure
 from metrology.files import write_text_whole
 from physics.bodies import GRAVITY
-from pipelines.cli import app
 from sample_videos.film import Film
 from sample_videos.render import write_clip
 from sample_videos.scene import Encoding, Scene, Shutter
@@ -149,6 +146,7 @@ SHOWN = {
     "launch_angle",
     "landing_distance",
     "cor",
+    "cor_bounce",
 }
 """Quantities on the pages."""
 
@@ -204,25 +202,6 @@ def measured(name: str, truth: dict[str, float]) -> dict[str, Any]:
     return {"kind": str(found.motion.kind.value), "quantities": quantities}
 
 
-def bounced(truth: dict[str, float]) -> dict[str, Any]:
-    """Restitution of the lesson on bounces, by the code on its page."""
-    page = (LESSONS / "bounce.md").read_text(encoding="utf-8")
-    code = page.split("```python\n", 1)[1].split("```", 1)[0]
-    with tempfile.TemporaryDirectory() as folder:
-        tracks = Path(folder) / "bounce.csv"
-        clip = str(LESSONS / "bounce.mp4")
-        options = ["--fps", "240", "--ball", BALL, "--tracks", str(tracks), "--no-cache"]
-        CliRunner().invoke(app, ["measure", clip, *options])
-        names: dict[str, Any] = {}
-        exec(code.replace("bounce.csv", str(tracks)), names)
-    # the lowest frame is up to half a frame from the contact: uniform over that height
-    fall = math.sqrt(2.0 * 0.9 / GRAVITY) * GRAVITY / (2.0 * FPS) / math.sqrt(3.0)
-    scale = names["h0"] / 0.9
-    std = names["cor"] / 2.0 * fall * scale * abs(1.0 / names["h1"] - 1.0 / names["h0"])
-    entry = {"value": names["cor"], "std": std, "unit": "1", "true": truth["cor_bounce"]}
-    return {"kind": "bounce", "quantities": {"cor_bounce": entry}}
-
-
 def main() -> None:
     """Film, measure and write the results."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -238,7 +217,7 @@ def main() -> None:
             truth = json.loads((LESSONS / f"{name}.truth.json").read_text("utf-8"))
         else:
             truth = film(name)
-        results[name] = bounced(truth) if name == "bounce" else measured(name, truth)
+        results[name] = measured(name, truth)
         print(name, results[name])
     RESULTS.parent.mkdir(exist_ok=True)
     write_text_whole(RESULTS, json.dumps(rounded(results), indent=1) + "\n")

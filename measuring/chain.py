@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from calib.calibration import Calibration, ContradictionError
 from calib.grid import WallGrid
 from calib.solve import LOG_FOCAL_STD, Solved
+from measuring.bounce import bounce_restitution
 from measuring.budget import (
     ClipConditions,
     Propagation,
@@ -57,6 +58,7 @@ from measuring.metres import (
 )
 from measuring.motions import (
     Mapping,
+    MotionResults,
     MotionScene,
     PlaneScale,
     applicable,
@@ -606,7 +608,7 @@ def quantities_of(
     tracks = followed.tracks
     evaluated = _evaluate(fitted, report, propagation, needed(wanted))
     moving = _motion_scene(scene, followed, wall)
-    motion = motion_quantities(tracks, moving)
+    motion = _with_bounce(motion_quantities(tracks, moving), tracks, moving)
     results = results_of(evaluated, tracks, wall.refusal, motion, wanted)
     assumed = _assumptions(scene, wall, tracks)
     notice, said = scene.rate.notice, {one.sentence for one in assumed}
@@ -727,6 +729,17 @@ def _principal_steps(covariance: FloatArray) -> tuple[tuple[float, float], ...]:
     squares, axes = np.linalg.eigh(covariance)
     steps = (axes * np.sqrt(np.maximum(squares, 0.0))).T
     return tuple((float(x), float(y)) for x, y in steps)
+
+
+def _with_bounce(motion: MotionResults, tracks: Tracks, scene: MotionScene) -> MotionResults:
+    """The same with the restitution of a bounce, where a flight or a drop shows one."""
+    if tracks.motion.measured_as not in (MotionKind.FLIGHT, MotionKind.DROP):
+        return motion
+    fps = scene.fps if scene.timed else None
+    bounce = bounce_restitution(tracks, scene.clock, fps)
+    if bounce is None:
+        return motion
+    return replace(motion, quantities=motion.quantities | {bounce.name: bounce})
 
 
 def _rate_by_fall(followed: FollowedClip, wall: "WallScene") -> CaptureRate:

@@ -228,6 +228,7 @@ class QuantityName(StrEnum):
     OTHER_SPEED_BEFORE = "other_speed_before"
     OTHER_SPEED_AFTER = "other_speed_after"
     COR_COLLISION = "cor_collision"
+    COR_BOUNCE = "cor_bounce"
     ROLL_ACCELERATION = "roll_acceleration"
     ROLL_SPEED = "roll_speed"
     FALL_ACCELERATION_PX = "fall_acceleration_px"
@@ -281,6 +282,7 @@ _QUANTITY_TABLE: dict[QuantityName, tuple[str, tuple[MotionKind, ...]]] = {
     QuantityName.OTHER_SPEED_BEFORE: ("m/s", _MET),
     QuantityName.OTHER_SPEED_AFTER: ("m/s", _MET),
     QuantityName.COR_COLLISION: ("1", _MET),
+    QuantityName.COR_BOUNCE: ("1", (MotionKind.BOUNCE,)),
     QuantityName.ROLL_ACCELERATION: ("m/s^2", _ROLLS),
     QuantityName.ROLL_SPEED: ("m/s", _ROLLS),
 }
@@ -360,7 +362,12 @@ _MAIN: dict[MotionKind, tuple[QuantityName, ...]] = {
     ),
     **dict.fromkeys(
         (*_FALL, MotionKind.BOUNCE),
-        (QuantityName.FALL_ACCELERATION, QuantityName.FLIGHT_SPEED, QuantityName.FLIGHT_ANGLE),
+        (
+            QuantityName.FALL_ACCELERATION,
+            QuantityName.FLIGHT_SPEED,
+            QuantityName.FLIGHT_ANGLE,
+            QuantityName.COR_BOUNCE,
+        ),
     ),
     **dict.fromkeys(_ROLLS, (QuantityName.ROLL_ACCELERATION, QuantityName.ROLL_SPEED)),
 }

@@ -432,6 +432,7 @@ _GERMAN_LABELS = {
     "flight_angle": "Winkel im ersten Bild des Flugs",
     "swing_period": "Schwingungsdauer",
     "swing_damping": "Dämpfung der Schwingung",
+    "cor_bounce": "Stoßzahl des ersten Aufpralls",
     "roll_acceleration": "Beschleunigung entlang der Bahn",
     "roll_speed": "Geschwindigkeit im ersten Bild des Rollens",
 }

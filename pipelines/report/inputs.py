@@ -208,6 +208,7 @@ _LABELS = {
     "other_speed_before": "speed before, of the other ball",
     "other_speed_after": "speed after, of the other ball",
     "cor_collision": "COR along the line of centres",
+    "cor_bounce": "COR of the first bounce",
     "roll_acceleration": "acceleration along the line",
     "roll_speed": "speed at the first frame of the roll",
     "gravity_check": "free fall of the flight",
