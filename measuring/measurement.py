@@ -71,7 +71,7 @@ def motion_warning(motion: Motion) -> tuple[str, ...]:
         why = " ".join(motion.reasons)
         cure = "If another object is meant, point at it with --ball-at X,Y"
         return (f"the kind of motion is open. {why} {cure}, or pass more of the recording.",)
-    if motion.kind is MotionKind.NONE or motion.probability >= _CONFIDENT_PROBABILITY:
+    if motion.kind is MotionKind.NONE or motion.measured_probability >= _CONFIDENT_PROBABILITY:
         return ()
     kind, left = motion.kind.noun, alternative_kinds(motion)
     alternatives = f" (alternatives: {left})" if left else ""

@@ -116,10 +116,15 @@ class Motion:
         return replace(self, probability=self.probability * probability, alternatives=rest)
 
     @property
-    def is_doubtful(self) -> bool:
-        """Whether it is more probably no such motion, and nobody states it; falls are all alike."""
+    def measured_probability(self) -> float:
+        """Probability of a kind with the same quantities: free falls are all alike."""
         alike = sum(part for kind, part in self.alternatives if {kind, self.kind} <= _FALLS)
-        return not self.given and self.probability + alike < _MIN_MEASURED
+        return self.probability + alike
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether it is more probably no such motion, and nobody states it."""
+        return not self.given and self.measured_probability < _MIN_MEASURED
 
     @property
     def measured_as(self) -> MotionKind:

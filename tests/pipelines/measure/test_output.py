@@ -105,6 +105,9 @@ def test_numbers_of_a_kind_of_motion_in_doubt_come_with_a_proviso() -> None:
     (said,) = motion_warning(Motion(MotionKind.SWING, 0.7, alternatives=beside))
     assert "a swing with a probability of only 0.70 (alternatives: flight 0.25, none 0.05)" in said
     assert motion_warning(Motion(MotionKind.SWING, 0.96, alternatives=beside)) == ()
+    # free falls have the same quantities
+    falls = ((MotionKind.BOUNCE, 0.25), (MotionKind.DROP, 0.1), (MotionKind.NONE, 0.05))
+    assert motion_warning(Motion(MotionKind.FLIGHT, 0.6, alternatives=falls)) == ()
     # without a motion there is nothing to warn about
     assert motion_warning(Motion(MotionKind.NONE, 0.6, alternatives=beside)) == ()
     (said,) = motion_warning(Motion(MotionKind.NONE, 0.09, ("It is seen in 6 frames only.",)))
