@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from measuring.flight_fit import slow_error_whitening
 from measuring.inputs import QuantityName
-from measuring.motions import ROLL_STD, FlightFrames, steady_stretch
+from measuring.motions import ROLL_STD, FlightFrames, running_integral, steady_stretch
 from metrology import Contribution, Quantity, TooLittleDataError, UncertaintySource
+from metrology.least_squares import fit
 from vision.tracks import Track, Tracks
 
 __all__ = ["bounce_restitution"]
@@ -127,35 +128,40 @@ def _met(
 ) -> tuple[_MetFlights, FloatArray]:
     """Where two flights meet, and the covariance of their unknowns (6, 6).
 
-    Unknown are height and speed of both at the origin of time, the acceleration, and drag.
+    Unknown are height and speed of both at the origin of time, the acceleration, and drag over
+    weight at the floor.
     """
     rows, seen = [], []
     speeds = [_speed(one, origin) for one in flights]
+    usual = 0.5 * sum(float(np.hypot(*one(0.0))) for one in speeds)
+    weight = float(np.hypot(*_pull(flights))) / usual**2
     for place, (one, slowed) in enumerate(zip(flights, speeds, strict=True)):
         time = one.time - origin
         design = np.zeros((len(time), 6))
         design[:, 2 * place], design[:, 2 * place + 1] = 1.0, time
-        design[:, 4], design[:, 5] = 0.5 * time**2, _slowed(slowed, time) @ up
+        design[:, 4], design[:, 5] = 0.5 * time**2, weight * _slowed(slowed, time) @ up
         std = np.sqrt(one.std**2 @ up**2)
         std = np.maximum(std, 0.3 * float(np.median(std)))[:, None]
         whiten = slow_error_whitening((one.time - one.time[0]) / float(np.ptp(one.time)))
         rows.append(whiten(design / std))
         seen.append(whiten((one.place @ up)[:, None] / std)[:, 0])
-    usual = 0.5 * sum(float(np.hypot(*one(0.0))) for one in speeds)
-    drag = np.array([_AIR, _AIR_STD]) * float(np.hypot(*_pull(flights))) / usual**2
-    prior = np.zeros((1, 6))
-    prior[0, 5] = 1.0 / drag[1]
-    design, target = np.vstack([*rows, prior]), np.append(np.concatenate(seen), drag[0] / drag[1])
-    covariance = np.linalg.inv(design.T @ design)
-    values = covariance @ design.T @ target
-    chi2 = float(((target - design @ values) ** 2).sum()) / max(len(target) - 6, 1)
-    return _MetFlights.of(values), np.asarray(covariance * max(chi2, 1.0))
+    prior, spread = np.zeros(6), np.full(6, np.inf)
+    prior[5], spread[5] = _AIR, _AIR_STD
+    design, target = np.vstack(rows), np.concatenate(seen)
+    fitted = fit(
+        lambda values: np.asarray(values @ design.T - target),
+        np.zeros(6),
+        prior,
+        spread,
+        stacked=True,
+    )
+    return _MetFlights.of(fitted.values), fitted.covariance
 
 
 def _speed(flight: FlightFrames, origin: float) -> Callable[[float | FloatArray], FloatArray]:
-    """Velocity of a parabola through a flight at times from the origin, (2,) or (2, N)."""
+    """Velocity of a parabola through a flight at times from the origin, (2,) or (N, 2)."""
     bend, slope = np.polyfit(flight.time - origin, flight.place, 2)[:2]
-    return lambda time: np.array([slope[k] + 2.0 * bend[k] * time for k in (0, 1)])
+    return lambda time: slope + 2.0 * np.multiply.outer(time, bend)
 
 
 def _pull(flights: tuple[FlightFrames, FlightFrames]) -> FloatArray:
@@ -168,18 +174,14 @@ def _slowed(speed: Callable[[float | FloatArray], FloatArray], time: FloatArray)
     """Displacement (N, 2) by a drag of one per px, from the origin of time on."""
     grid = np.linspace(min(0.0, float(time.min())), max(0.0, float(time.max())), 401)
     velocity = speed(grid)
-    resist = -np.hypot(*velocity) * velocity
-    once = _integral(resist, grid)
-    once -= np.array([[np.interp(0.0, grid, axis)] for axis in once])
-    twice = _integral(once, grid)
-    return np.column_stack(
-        [np.interp(time, grid, axis) - np.interp(0.0, grid, axis) for axis in twice]
-    )
+    once = running_integral(-np.hypot(*velocity.T)[:, None] * velocity, grid)
+    twice = running_integral(once - _at(0.0, grid, once), grid)
+    return _at(time, grid, twice) - _at(0.0, grid, twice)
 
 
-def _integral(values: FloatArray, grid: FloatArray) -> FloatArray:
-    steps = 0.5 * (values[:, 1:] + values[:, :-1]) * np.diff(grid)
-    return np.concatenate([np.zeros((2, 1)), np.cumsum(steps, axis=1)], axis=1)
+def _at(time: float | FloatArray, grid: FloatArray, values: FloatArray) -> FloatArray:
+    """Values (M, 2) on a grid at times: (2,) or (N, 2)."""
+    return np.stack([np.interp(time, grid, axis) for axis in values.T], axis=-1)
 
 
 def _gradient(of: Callable[[FloatArray], float], values: FloatArray) -> FloatArray:

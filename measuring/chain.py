@@ -29,7 +29,7 @@ from measuring.budget import (
 )
 from measuring.cache import Cache, clip_digest
 from measuring.checker.clips import clip_findings
-from measuring.checks import CheckKind
+from measuring.checks import CheckKind, CheckOutcome
 from measuring.gravity import scale_std, seen_fall, with_fitted_slant
 from measuring.impact import Impact, find_impact, next_strike_time, other_strikes
 from measuring.inputs import (
@@ -77,7 +77,13 @@ from measuring.results import (
     stated_pivot_off,
 )
 from measuring.setup.file import Origin, Setup
-from metrology import CalibrationError, MeasurementError, UncertaintySource, UsageError
+from metrology import (
+    CalibrationError,
+    MeasurementError,
+    Quantity,
+    UncertaintySource,
+    UsageError,
+)
 from metrology.compiled import with_stack_space
 from metrology.kept import KeptResults
 from vision.clip.clip import ClipReader
@@ -100,6 +106,7 @@ __all__ = [
     "measurement_of",
     "quantities_of",
     "tracked_once",
+    "with_bounce",
 ]
 
 _Progress = Callable[[str, float], None]
@@ -608,7 +615,7 @@ def quantities_of(
     tracks = followed.tracks
     evaluated = _evaluate(fitted, report, propagation, needed(wanted))
     moving = _motion_scene(scene, followed, wall)
-    motion = _with_bounce(motion_quantities(tracks, moving), tracks, moving)
+    motion = with_bounce(motion_quantities(tracks, moving), tracks, moving)
     results = results_of(evaluated, tracks, wall.refusal, motion, wanted)
     assumed = _assumptions(scene, wall, tracks)
     notice, said = scene.rate.notice, {one.sentence for one in assumed}
@@ -731,14 +738,20 @@ def _principal_steps(covariance: FloatArray) -> tuple[tuple[float, float], ...]:
     return tuple((float(x), float(y)) for x, y in steps)
 
 
-def _with_bounce(motion: MotionResults, tracks: Tracks, scene: MotionScene) -> MotionResults:
-    """The same with the restitution of a bounce, where a flight or a drop shows one."""
+def with_bounce(motion: MotionResults, tracks: Tracks, scene: MotionScene) -> MotionResults:
+    """The same with the restitution of a bounce, where a flight or a drop shows one.
+
+    What is not in free fall has none.
+    """
     if tracks.motion.measured_as not in (MotionKind.FLIGHT, MotionKind.DROP):
         return motion
     fps = scene.fps if scene.timed else None
     bounce = bounce_restitution(tracks, scene.clock, fps)
     if bounce is None:
         return motion
+    for check in motion.checks:
+        if check.kind is CheckKind.STEADY_FALL and check.outcome is CheckOutcome.FAILED:
+            bounce = Quantity.missing(bounce.name, bounce.unit, check.statement)
     return replace(motion, quantities=motion.quantities | {bounce.name: bounce})
 
 

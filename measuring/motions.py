@@ -57,6 +57,7 @@ __all__ = [
     "motion_quantities",
     "rate_from_gravity",
     "require_upright",
+    "running_integral",
     "steady_stretch",
 ]
 
@@ -382,8 +383,8 @@ def _design(tau: FloatArray, place: FloatArray) -> FloatArray:
     grid = np.linspace(0.0, 1.0, 201)
     velocity = np.polynomial.polynomial.polyval(grid, derivative).T
     resist = -np.hypot(*velocity.T)[:, np.newaxis] * velocity
-    once = _integral(resist, grid)
-    slowed = _integral(once, grid)
+    once = running_integral(resist, grid)
+    slowed = running_integral(once, grid)
     for axis in range(2):
         design[:, axis, axis] = 1.0
         design[:, axis, 2 + axis] = tau
@@ -395,7 +396,8 @@ def _design(tau: FloatArray, place: FloatArray) -> FloatArray:
     return design
 
 
-def _integral(values: FloatArray, grid: FloatArray) -> FloatArray:
+def running_integral(values: FloatArray, grid: FloatArray) -> FloatArray:
+    """Integral (N, K) of values (N, K) from the beginning of a grid (N,) on."""
     steps = 0.5 * (values[1:] + values[:-1]) * np.diff(grid)[:, np.newaxis]
     return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])
 
@@ -911,37 +913,29 @@ def motion_quantities(tracks: Tracks, scene: MotionScene) -> MotionResults:
     except MeasurementError as problem:
         return MotionResults(
             {
-                name.value: Quantity.missing(name.value, unit, problem.in_one_line)
-                for name, unit in _KIND_UNITS[kind].items()
+                name.value: Quantity.missing(
+                    name.value, QUANTITY_UNITS[name.value], problem.in_one_line
+                )
+                for name in _OF_KIND[kind]
             }
         )
     return MotionResults()
 
 
-_KIND_UNITS: dict[MotionKind, dict[QuantityName, str]] = (
-    {
-        kind: {
-            QuantityName.FALL_ACCELERATION: "m/s^2",
-            QuantityName.FLIGHT_SPEED: "m/s",
-            QuantityName.FLIGHT_ANGLE: "deg",
-        }
-        for kind in (MotionKind.FLIGHT, MotionKind.DROP)
-    }
-    | {
-        kind: {QuantityName.ROLL_ACCELERATION: "m/s^2", QuantityName.ROLL_SPEED: "m/s"}
-        for kind in (MotionKind.ROLL, MotionKind.SLIDE)
-    }
-    | {
-        MotionKind.SWING: {QuantityName.SWING_PERIOD: "s", QuantityName.SWING_DAMPING: "1/s"},
-        MotionKind.COLLISION: {
-            QuantityName.SPEED_BEFORE: "m/s",
-            QuantityName.SPEED_AFTER: "m/s",
-            QuantityName.OTHER_SPEED_BEFORE: "m/s",
-            QuantityName.OTHER_SPEED_AFTER: "m/s",
-            QuantityName.COR_COLLISION: "1",
-        },
-    }
-)
+_IN_FLIGHT = (QuantityName.FALL_ACCELERATION, QuantityName.FLIGHT_SPEED)
+_IN_A_ROLL = (QuantityName.ROLL_ACCELERATION, QuantityName.ROLL_SPEED)
+_OF_KIND: dict[MotionKind, tuple[QuantityName, ...]] = {
+    **dict.fromkeys((MotionKind.FLIGHT, MotionKind.DROP), (*_IN_FLIGHT, QuantityName.FLIGHT_ANGLE)),
+    **dict.fromkeys((MotionKind.ROLL, MotionKind.SLIDE), _IN_A_ROLL),
+    MotionKind.SWING: (QuantityName.SWING_PERIOD, QuantityName.SWING_DAMPING),
+    MotionKind.COLLISION: (
+        QuantityName.SPEED_BEFORE,
+        QuantityName.SPEED_AFTER,
+        QuantityName.OTHER_SPEED_BEFORE,
+        QuantityName.OTHER_SPEED_AFTER,
+        QuantityName.COR_COLLISION,
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -1042,10 +1036,6 @@ def _turned_down(place: FloatArray, std: FloatArray) -> tuple[FloatArray, FloatA
     along *= math.copysign(1.0, float((place[-1] - place[0]) @ along))
     turn = np.array([[along[1], -along[0]], -along])
     return place @ turn.T, np.sqrt(std**2 @ (turn.T**2))
-
-
-_IN_FLIGHT = (QuantityName.FALL_ACCELERATION, QuantityName.FLIGHT_SPEED)
-_IN_A_ROLL = (QuantityName.ROLL_ACCELERATION, QuantityName.ROLL_SPEED)
 
 
 def require_upright(tracks: Tracks) -> None:

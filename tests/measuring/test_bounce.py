@@ -1,6 +1,7 @@
 """Restitution of a bounce against flights that an ODE solver made, with drag, drift and noise."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +10,9 @@ from scipy.integrate import solve_ivp
 from scipy.stats import binom
 
 from measuring.bounce import bounce_restitution
+from measuring.chain import with_bounce
+from measuring.checks import Check, CheckKind, CheckOutcome
+from measuring.motions import MotionResults, MotionScene
 from metrology import Quantity
 from vision.tracks import Motion, MotionKind, Track, Tracks
 
@@ -33,7 +37,7 @@ def flown(start: list[float], drag: float, duration: float) -> FloatArray:
     return np.asarray(solved.y.T)
 
 
-def bounced(
+def dropped(
     *,
     across: float = 0.0,
     drag: float = 0.02,
@@ -42,7 +46,7 @@ def bounced(
     seed: int = 0,
     known_down: bool = True,
     rises_s: float = 0.4,
-) -> Quantity | None:
+) -> Tracks:
     down = flown([0.0, 0.9, across, -0.3], drag, 2.0)
     x, _, vx, vy = down[-1]
     stays = np.tile([x, 0.0, vx, 0.0], (round(contact_s / 5e-5), 1))
@@ -57,8 +61,11 @@ def bounced(
     at = round((len(down) + 0.5 * len(stays)) * 5e-5 * FPS)
     fall = (0.0, G * PX_PER_M / FPS**2) if known_down else None
     motion = Motion(MotionKind.DROP, 0.95, fall_px=fall, events=(("bounce", at),))
-    tracks = Tracks(ball, None, np.zeros((9, 9), np.float32), None, motion=motion)
-    return bounce_restitution(tracks, np.arange(count, dtype=float), FPS)
+    return Tracks(ball, None, np.zeros((9, 9), np.float32), None, motion=motion)
+
+
+def bounced(**how: Any) -> Quantity | None:
+    return bounce_restitution(dropped(**how), np.arange(999.0), FPS)
 
 
 def off(found: Quantity | None) -> float:
@@ -101,3 +108,13 @@ def test_without_a_bounce_there_is_none() -> None:
     ball = Track(np.arange(9), np.arange(9.0), np.zeros((9, 2)), square, square, one, one, one)
     tracks = Tracks(ball, None, np.zeros((9, 9), np.float32), None)
     assert bounce_restitution(tracks, np.arange(9.0), FPS) is None
+
+
+def test_what_does_not_fall_freely_has_no_restitution() -> None:
+    statement = "the tracked object is not in free fall"
+    check = Check(CheckKind.STEADY_FALL, CheckOutcome.FAILED, statement)
+    scene = MotionScene(np.arange(999.0), FPS, 0.1, None, None, (), (0.0, 0.01), G, 640.0)
+    tracks = dropped()
+    found = with_bounce(MotionResults(checks=(check,)), tracks, scene).quantities["cor_bounce"]
+    assert (found.value, found.reason) == (None, statement)
+    assert with_bounce(MotionResults(), tracks, scene).quantities["cor_bounce"].known

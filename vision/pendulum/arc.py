@@ -70,9 +70,9 @@ class Patch:
         points = np.array([self.x, self.y, self.look, self.opacity], dtype=np.float32)
         if self.each == 1:
             return points
-        # slanted rows, so that no edge falls between them
-        kept = (np.rint(points[0]) + _SLANT * np.rint(points[1])) % self.each == 0
-        return np.ascontiguousarray(points[:, kept])
+        # at random, so that no edge falls between them
+        order = np.random.default_rng(0).permutation(len(self.x))
+        return np.ascontiguousarray(points[:, np.sort(order[:: self.each])])
 
     @property
     def each(self) -> int:
@@ -82,9 +82,6 @@ class Patch:
 
 _MAX_POINTS = 6000
 """Points of a thing that are compared with a picture (chosen: a disc of 44 px)."""
-
-_SLANT = 3
-"""Columns by which every row of these points is shifted (chosen)."""
 
 
 @dataclass(frozen=True)
