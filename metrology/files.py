@@ -133,11 +133,32 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
         ) from problem
 
 
+_TYPESET_QUOTES = "[\u201c-\u201f\u2018-\u201b\u00ab\u00bb]"
+"""Quotation marks that text processors write for straight ones."""
+
+
 def _toml_cure(line: str, problem: str) -> str:
     """What to write instead of a line that is not TOML."""
     key, equals, value = (part.strip() for part in line.partition("="))
     if "overwrite" in problem or "twice" in problem:
         return f"{key} stands twice: delete one of the lines."
+    if re.search(_TYPESET_QUOTES, line):
+        straight = re.sub(_TYPESET_QUOTES, '"', line)
+        return f"Replace the typographic quotation marks by straight ones: {straight}"
+    if "\\" in value:
+        return f"Write the path with slashes: {key} = {value.replace(chr(92), '/')}"
+    if line.startswith(("//", ";", "%", "--")):
+        return f"A comment begins with #: # {line.lstrip('/;%- ')}"
+    if line.startswith("{"):
+        return "It is JSON. Write a table as [ball], then a line for each key: mass = '0.35 kg'."
+    if equals and not value:
+        return f"Write the value of {key}, or delete the line."
+    if not equals and (pair := re.fullmatch(r"([\w.]+)(?::|\s)\s*(.*)", line)):
+        # as in YAML and INI files
+        text = pair[2].strip("\"' ")
+        return (
+            f'Write {pair[1]} = "{text}"' if text else f"Write the name of a table as [{pair[1]}]"
+        )
     if equals and re.fullmatch(r'"?\w[^"#]*"?', value) and value.count('"') < 2:
         return f'Write the text between two quotation marks: {key} = "{value.strip(chr(34))}"'
     return 'A line reads key = value, with texts in quotes: diameter = "0.2 m".'

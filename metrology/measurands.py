@@ -7,6 +7,7 @@ work with the same message. Units are parsed only here: ``50mm``, ``600 fps``, `
 
 import math
 import re
+import unicodedata
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -43,14 +44,17 @@ __all__ = [
     "SPEED",
     "STICK_LENGTH",
     "SUPPORT_HEIGHT",
+    "UNIT_OF",
     "WALL_COORDINATE",
     "Given",
     "Measurand",
+    "folded",
     "parse_measured",
     "parse_quantity",
     "read_given",
     "read_number",
     "read_scale",
+    "unit_word",
 ]
 
 _FLOAT_PATTERN = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
@@ -58,6 +62,12 @@ _FLOAT_PATTERN = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _PLUS_MINUS = ("±", "+/-", "+-")
 
 _IN_BRACKETS = re.compile(r"\(([^()]*)\)\s*([^()]*)")
+
+_CONCISE = re.compile(r"([+-]?\d+(?:[.,](\d+))?)\((\d+)\)\s*([^()]*)")
+"""``0.3530(5) kg``: the uncertainty in units of the last digit (GUM 7.2.2)."""
+
+_TYPESET = str.maketrans("\u2212\u2013\u00ba\u02da", "--°°")
+"""Minus signs and degree signs of text processors and other keyboards."""
 
 _NUMBER_AND_UNIT = re.compile(
     rf"({_FLOAT_PATTERN})(?:\s*/\s*({_FLOAT_PATTERN}))?\s*([A-Za-zµμ°%][\w\s*/^°%-]*)?"
@@ -80,6 +90,38 @@ PLAIN_UNITS: dict[str, dict[str, float]] = {
 }
 """Conversion factors of common units to the unit wanted: a registry of all units takes longer to
 load than a cached clip takes to show again."""
+
+
+_UNIT_WORDS = {
+    "s": "sec secs second seconds sekunde sekunden seconde secondes segundo segundos",
+    "ms": "msec millisecond milliseconds millisekunden millisecondes milisegundos",
+    "us": "µs microsecond microseconds",
+    "m": "meter meters metre metres metro metros",
+    "cm": "centimeter centimeters centimetre centimetres zentimeter centimetro centimetros",
+    "mm": "millimeter millimeters millimetre millimetres milimetro milimetros",
+    "um": "µm micron microns micrometer micrometre",
+    "in": "inch inches zoll pouce pouces pulgada pulgadas",
+    "ft": "foot feet fuss pied pieds pie pies",
+    "px": "pixel pixels pix pixeles",
+    "kg": "kilo kilos kilogramm kilogramme kilogrammes kilogramo kilogramos",
+    # a grain, which others abbreviate so, weighs no ball
+    "g": "gr grs gramm gramme grammes gramo gramos",
+    "deg": "degre degres grado grados",
+    "fps": "bilder/s images/s img/s fotogramas/s bps ips",
+}
+UNIT_OF = {word: unit for unit, words in _UNIT_WORDS.items() for word in (unit, *words.split())}
+"""Units by their names in English, German, French and Spanish, folded."""
+
+
+def unit_word(text: str) -> str:
+    """A unit as written anywhere, ``Seconds``, ``CM``, ``Gramm``; others stay."""
+    return UNIT_OF.get(folded(text.strip()).replace("\u03bc", "µ"), text)
+
+
+def folded(text: str) -> str:
+    """Lower case without accents: ``Höhe`` and ``HOHE`` are ``hohe``."""
+    plain = unicodedata.normalize("NFKD", text.casefold())
+    return "".join(letter for letter in plain if not unicodedata.combining(letter))
 
 
 @cache
@@ -114,7 +156,13 @@ def parse_quantity(text: str | float, unit: str) -> float:
     match = _NUMBER_AND_UNIT.fullmatch(_with_decimal_points(str(text).strip()))
     if match is None:
         raise _no_quantity(str(text), unit)
-    numerator, denominator, unit_text = match.groups()
+    numerator, denominator, typed_unit = match.groups()
+    unit_text = None if typed_unit is None else unit_word(typed_unit)
+    if (typed_unit or "").strip().casefold() == "grad":
+        raise UnitError(
+            f"{text!r}: 'grad' may be degrees or gradians",
+            hint=f"Write '{numerator} deg' or '{numerator} gon'.",
+        )
     try:
         magnitude = float(numerator) / float(denominator or 1)
         plain = PLAIN_UNITS.get(unit, {}).get((unit_text or "").strip())
@@ -133,13 +181,24 @@ _DECIMAL_COMMA = re.compile(r"(?<![\d.,])(\d*),(\d+)(?![\d.,])")
 
 
 def _with_decimal_points(text: str) -> str:
-    """Text with decimal commas as points; ``1,500``, which may be a thousand, is left as it is."""
+    """Text with decimal commas as points.
+
+    Raises
+    ------
+    UnitError
+        For ``1,500``, which may be a thousand.
+    """
 
     def point(found: re.Match[str]) -> str:
-        thousand = len(found[2]) == _THOUSAND_DIGITS and found[1].lstrip("0") != ""
-        return found[0] if thousand else f"{found[1]}.{found[2]}"
+        if len(found[2]) == _THOUSAND_DIGITS and found[1].lstrip("0"):
+            said = [text.replace(found[0], f"{found[1]}{mark}{found[2]}") for mark in (".", "")]
+            raise UnitError(
+                f"{text!r}: the comma may separate decimals or thousands",
+                hint=f"Write {said[0]!r} or {said[1]!r}.",
+            )
+        return f"{found[1]}.{found[2]}"
 
-    return _DECIMAL_COMMA.sub(point, text)
+    return _DECIMAL_COMMA.sub(point, text.translate(_TYPESET))
 
 
 _THOUSAND_DIGITS = 3
@@ -188,6 +247,9 @@ def parse_measured(text: str | float, unit: str) -> tuple[float, float | None]:
     if not isinstance(text, str):
         return parse_quantity(text, unit), None
     plain = text.strip()
+    if concise := _CONCISE.fullmatch(plain):
+        size = int(concise[3]) * 10.0 ** -len(concise[2] or "")
+        plain = f"{concise[1]} ± {size} {concise[4]}"
     bracketed = _IN_BRACKETS.fullmatch(plain)
     if bracketed is not None:
         plain = f"{bracketed[1]} {bracketed[2]}"
@@ -321,7 +383,7 @@ def _refuse_bare_angle(typed: str | float, what: Measurand) -> None:
         return
     if bare and math.isfinite(bare):
         raise DomainError(
-            f"{typed!r} has no unit: degrees or radians?", hint=f"Write '{bare:g} deg'."
+            f"{typed!r} has no unit: degrees or radians", hint=f"Write '{bare:g} deg'."
         )
 
 

@@ -110,6 +110,18 @@ def _setups() -> Iterator[Mistake]:
          r"belongs in the table \[wall\]", ""),
         ("words for a number", "0.312 m", "about a foot", "height", ""),
         ("an uncertainty without number", "0.312 m", "0.312 m ± some", "height", ""),
+        ("typographic quotation marks", '"0.312 m"', "“0.312 m”", "straight",
+         ("s.toml", "“0.312 m”", '"0.312 m"')),
+        ("a colon for the sign", 'height = "0.312 m"', "height: 0.312 m", "height",
+         ("s.toml", "height: 0.312 m", 'height = "0.312 m"')),
+        ("a comment of C", "[support]", "// lab\n[support]", "comment",
+         ("s.toml", "// lab", "# lab")),
+        ("a table with a capital", "[support]", "[Support]", "nearest is 'support'",
+         ("s.toml", "Support", "support")),
+        ("a French key", "height =", "hauteur =", "nearest is 'height'",
+         ("s.toml", "hauteur", "height")),
+        ("a comma before three digits", "0.312 m", "31,200 cm", "decimals or thousands",
+         ("s.toml", "31,200 cm", "31.200 cm")),
     )  # fmt: skip
     for name, old, new, cause, line in wrong:
         yield Mistake("Set-up file", name, _SIMULATE, cause, line=line or ("", "", ""),

@@ -324,6 +324,8 @@ def _explain(problem: ValidationError, name: str) -> str:
         else:
             text = error["msg"].removeprefix("Value error, ")
             own = error["type"] in ("value_error", "missing")
+            if error["type"].startswith(("model", "dict")):
+                text = "it is a table"
             typed = "" if own else f"; found {str(error['input'])[:40]!r}"
             lines.append(f"{name}: {where}: {text}{typed}")
     if len(errors) > MAX_LISTED_MISTAKES:
@@ -375,7 +377,7 @@ def _nearest_key(location: tuple[str, ...]) -> str:
     for table, field in SetupSchema.model_fields.items():
         if key in getattr(field.annotation, "model_fields", {}) and key not in model.model_fields:
             return f"; it belongs in the table [{table}]"
-    return nearest(key, model.model_fields)
+    return nearest(key, model.model_fields) or f"; known are {', '.join(model.model_fields)}"
 
 
 class Origin(StrEnum):

@@ -8,6 +8,7 @@ read and the unit in which it is written; the schema that checks a file is made 
 import copy
 import difflib
 import inspect
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cache, wraps
@@ -48,6 +49,7 @@ from metrology import (
     read_number,
     write_text_whole,
 )
+from metrology.measurands import folded
 from physics import bodies
 from physics.air import Air
 from physics.effects import MAX_SIZE, Parameter
@@ -221,10 +223,35 @@ def read_parameter(effect: str, key: str, typed: Any) -> Given:
         ) from problem
 
 
+_OTHER_NAMES = {
+    "capture_fps": "fps frame_rate framerate rate bildrate cadence",
+    "mass": "weight masse masa gewicht poids peso",
+    "diameter": "radius circumference girth umfang durchmesser diametre diametro size",
+    "height": "hohe hauteur altura",
+    "length": "lange longueur longitud",
+    "grid": "pitch gitter grille cuadricula",
+    "camera": "kamera camara",
+    "wall": "wand mur pared",
+    "ball": "kugel balle bola pelota",
+    "pendulum": "pendel pendule pendulo",
+    "air": "luft aire",
+}
+"""Other words, folded, for names of the setup file, in English, German, French and Spanish."""
+
+_CONVERTED = {"radius": "twice the radius"} | dict.fromkeys(
+    ("circumference", "girth", "umfang"), "the circumference over 3.1416"
+)
+"""How the named value follows from the one that is meant."""
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
-    """End of a message that names the nearest valid name."""
-    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.0)
-    return f"; the nearest is '{near[0]}'" if near else ""
+    """End of a message that names the valid name that is meant; empty if none is similar."""
+    names = list(known)
+    asked = folded(re.sub(r"(?<=[a-z])(?=[A-Z])|[-\s]+", "_", name))
+    meant = [one for one, words in _OTHER_NAMES.items() if one in names and asked in words.split()]
+    meant = meant or difflib.get_close_matches(asked, names, n=1)
+    value = f", {_CONVERTED[asked]}" if asked in _CONVERTED else ""
+    return f"; the nearest is '{meant[0]}'{value}" if meant else ""
 
 
 Values = ParamSpec("Values")

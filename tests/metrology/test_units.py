@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from metrology import UnitError, parse_quantity
+from metrology.measurands import parse_measured
 
 
 @pytest.mark.parametrize(
@@ -44,12 +45,43 @@ def test_units_agree_with_the_si_brochure(text: str | float, unit: str, value: f
 
 @pytest.mark.parametrize(
     "text",
-    ["", " ", "m", "50 kg", "50 mmm", "1,500 m", "1 m 2", "1e400 m", "nan", "inf m", "0x10 m",
+    ["", " ", "m", "50 kg", "50 mmm", "1 m 2", "1e400 m", "nan", "inf m", "0x10 m",
      "1/0 m", "1 m; import os", "--5 m", "1 m^^2", "1 m" * 200],
 )  # fmt: skip
 def test_an_invalid_length_is_refused(text: str) -> None:
     with pytest.raises(UnitError, match="is not a quantity in m"):
         parse_quantity(text, "m")
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value", "std"),
+    [
+        ("353 gr", "kg", 0.353, None),
+        ("0,353 KG", "kg", 0.353, None),
+        ("353 Gramm ± 1 Gramm", "kg", 0.353, 0.001),
+        ("0.3530(5) kg", "kg", 0.353, 0.0005),
+        ("353(2) g", "kg", 0.353, 0.002),
+        ("8 zoll", "m", 0.2032, None),
+        ("600 Bilder/s", "1/s", 600.0, None),
+        ("\u22128.5º", "rad", -0.14835, None),
+    ],
+)
+def test_units_and_numbers_as_people_write_them(
+    text: str, unit: str, value: float, std: float | None
+) -> None:
+    found = parse_measured(text, unit)
+    assert found[0] == pytest.approx(value, rel=1e-4)
+    assert found[1] == (None if std is None else pytest.approx(std, rel=1e-4))
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "cure"),
+    [("1,500 m", "m", "'1.500 m' or '1500 m'"), ("8.5 Grad", "rad", "'8.5 deg' or '8.5 gon'")],
+)
+def test_what_has_two_meanings_is_refused_with_both(text: str, unit: str, cure: str) -> None:
+    with pytest.raises(UnitError) as refusal:
+        parse_quantity(text, unit)
+    assert cure in str(refusal.value.hint)
 
 
 @given(st.floats(-1e12, 1e12))

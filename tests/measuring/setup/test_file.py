@@ -142,10 +142,16 @@ def test_an_empty_file_says_nothing() -> None:
         ("[scatter]\nbackswng = 0.1", "backswing"),
         ("[noise]\npositoin = 0.1", "position"),
         ('[balls.a]\ndiameter = "2 cm"\n[[balls.a.contact_outcome]]\nball_xx = 1', "ball_x"),
+        ("[Ball]\nmass = 0.3", "ball"),
+        ("[Kugel]\nmass = 0.3", "ball"),
+        ("[ball]\nlaunchAngle = 0.3", "launch_angle"),
+        ("[ball]\nlaunch-angle = 0.3", "launch_angle"),
+        ("[camera]\nframe_rate = 600", "capture_fps"),
+        ("[ball]\nradius = 0.1", "diameter', twice the radius"),
     ],
 )
 def test_an_unknown_key_names_the_nearest(text: str, nearest: str) -> None:
-    with pytest.raises(SetupError, match=f"nearest is '{nearest}'"):
+    with pytest.raises(SetupError, match=f"nearest is '{nearest}"):
         read_setup(text)
 
 
@@ -184,6 +190,14 @@ def test_a_mistake_is_shown_with_what_to_do(text: str, typed: str, advice: str) 
         ('[support]\nheight = "0.3 kg"', "such as '0.3120 m'"),
         ('[camera]\ngrid = "50 mm"', "it belongs in the table [wall]"),
         ('[ball]\npreset = "jocku"', "did you mean 'jokku'"),
+        ("[ball]\nspin = 1", "known are preset, mass"),
+        ("[wall]\ngrid = “50 mm”", 'straight ones: grid = "50 mm"'),
+        ('[camera]\nlens = "C:\\lab\\lens.toml"', 'lens = "C:/lab/lens.toml"'),
+        ("// my lab", "comment begins with #: # my lab"),
+        ("[ball]\nmass: 0.353 kg", 'Write mass = "0.353 kg"'),
+        ("ball:\n  mass: 1 kg", "[ball]"),
+        ('{"ball": 1}', "It is JSON"),
+        ("[ball]\nmass =", "Write the value of mass"),
     ],
 )
 def test_a_wrong_value_is_told_with_its_place(text: str, said: str) -> None:

@@ -179,7 +179,7 @@ def test_a_wrong_grid_is_refused_alike_by_option_setup_and_wizard(typed: object)
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("[model.drag]\nfoo = 1", r"model\.drag\.foo.*nearest is 'drag_coefficient'"),
+        ("[model.drag]\nfoo = 1", r"model\.drag\.foo'\nIt has drag_coefficient"),
         ("[model.drg]\ndrag_coefficient = 1", "nearest is 'drag'"),
         ('[model]\neffects = ["gravity", "drags"]', "nearest is 'drag'"),
         ("[model.drag]\ndrag_coefficient = -1", "drag_coefficient"),
