@@ -21,6 +21,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.inputs.written import REFUSED_TABLES, TABLES, Strike, strike_text
 from measuring.chain import measure_clip
 from measuring.measurement import ClipMeasurement
 from metrology import ImpactVisionError, write_text_whole
@@ -210,6 +211,15 @@ def _two_quotes(_: Path) -> None:
     read_sheet(_inputs() / "explain_trials_two_quotes.csv", {})
 
 
+def _as_written(write: Callable[[Strike], str]) -> Callable[[Path], ClipMeasurement]:
+    def run(folder: Path) -> ClipMeasurement:
+        path = folder / "strike.txt"
+        path.write_text(strike_text(write), encoding="utf-8")
+        return measure_from_tracks(path, measure_options(ball="jokku"))
+
+    return run
+
+
 _RENAMED = "ball=mass B, pendulum=mass A"
 
 CASES = (
@@ -265,8 +275,10 @@ CASES = (
     Case("enlarged 3 times", _clip(_enlarged, fps="600")),
     Case("animated WebP", _clip(_webp, fps="600")),
     Case("raw Bayer TIFF", _clip(_raw, fps="600")),
+    *(Case(name, _as_written(write)) for name, write in TABLES.items()),
+    *(Case(name, _as_written(write), cure) for name, (write, cure) in REFUSED_TABLES.items()),
 )
-"""Inputs of the table in the folder's README, and clips made from its strike."""
+"""Inputs of the table in the folder's README, clips made from its strike, and exports of it."""
 
 
 def main() -> None:

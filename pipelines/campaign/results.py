@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from measuring.inputs import QUANTITY_UNITS, main_quantities
 from metrology import UsageError, parse_quantity, write_text_whole
 from metrology.files import printable, written_whole
+from metrology.measurands import folded
 from pipelines.campaign.files import clip_key
 from pipelines.campaign.ledger import Entry, State
-from pipelines.interop.headers import folded
 from pipelines.interop.sheets import refuse_sideways
 from pipelines.measure.files import column_name, without_formulas
 from vision.tracks import MotionKind

@@ -214,7 +214,9 @@ class ExternalTracks:
                 )
             return columns[kind]
         called = [name for name in names if name.strip().casefold() in _CALLED[kind]]
-        return called[0] if len(called) == 1 else None
+        # "rig mass" of a subject called rig; Tracker's "mass A" is any body
+        last = [name for name in names if name.casefold().rpartition(" ")[2] in _CALLED[kind]]
+        return next((one[0] for one in (called, last) if len(one) == 1), None)
 
 
 def as_track_table(external: ExternalTracks) -> pd.DataFrame:
@@ -263,6 +265,8 @@ FOREIGN = {
     ".slp": ("a project of SLEAP", "Export it: sleap-convert --format analysis."),
     ".xml": ("an XML file", "From TrackMate export the spots as CSV."),
     ".json": ("a JSON file", "Write a table: a header t,x,y and one row per mark, as CSV."),
+    ".parquet": ("a Parquet table", "Write it as CSV: pandas.read_parquet(FILE).to_csv('a.csv')."),
+    ".c3d": ("a file of motion capture", "Export the markers as CSV, TSV or TRC."),
     ".npy": ("an array of NumPy", "Write it with numpy.savetxt: columns t, x, y."),
     ".npz": ("arrays of NumPy", "Write them with numpy.savetxt: columns t, x, y."),
     ".mat": ("a file of MATLAB", "Write it with writematrix as CSV: columns t, x, y."),

@@ -5,7 +5,6 @@ describe a position, in English, German, French and Spanish. What remains names 
 """
 
 import re
-import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,11 +13,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from metrology.measurands import UNIT_OF, folded, unit_word
+
 __all__ = [
+    "HEADER_LINES",
     "AxisColumns",
     "Clock",
     "find_header",
-    "folded",
     "has_numbers",
     "is_unit_row",
     "is_value",
@@ -27,7 +28,6 @@ __all__ = [
     "read_clock",
     "read_timecode",
     "time_column",
-    "unit_word",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -50,6 +50,7 @@ _AXIS_HEADERS = {
         "y vertical vertikal verticale hohe height hauteur altura altezza ordonnee ordinate"
         " ordenada"
     ),
+    "z": _set("z"),
 }
 
 _DESCRIPTIONS = _set(
@@ -71,8 +72,8 @@ _NOT_POSITIONS = _set(
 
 _RATE_UNIT = re.compile(r"/\s*s|s\^?-1|s⁻¹|°|deg|rad", re.IGNORECASE)
 
-_HEADER_LINES = 12
-"""Lines searched for the header (chosen: programs write up to ten lines above it)."""
+HEADER_LINES = 40
+"""Lines searched for the header (chosen: LabVIEW writes some 25 above it)."""
 
 
 @dataclass(frozen=True)
@@ -86,12 +87,15 @@ class AxisColumns:
     x, y : str
     t : str or None
         Its own times; None if the table has one clock.
+    z : str or None
+        Its third dimension, if the table has one.
     """
 
     name: str
     x: str
     y: str
     t: str | None = None
+    z: str | None = None
 
 
 def _words(name: str) -> list[str]:
@@ -138,9 +142,9 @@ def _pairs(header: Sequence[str], runs: bool) -> tuple[AxisColumns, ...]:
             return ()
         columns[axis] = name
     return tuple(
-        AxisColumns(name, columns["x"], columns["y"], columns.get("t"))
+        AxisColumns(name, columns["x"], columns["y"], columns.get("t"), columns.get("z"))
         for name, columns in found.items()
-        if columns.keys() >= _AXIS_HEADERS.keys()
+        if columns.keys() >= {"x", "y"}
     )
 
 
@@ -149,7 +153,9 @@ def may_be_position(name: str) -> bool:
     unit = re.search(r"[\(\[](.*?)[\)\]]", name)
     rate = unit is not None and _RATE_UNIT.search(unit[1]) is not None
     # an object may be called A or V, where the unit is a length
-    called = {"a", "v"} if unit is not None and unit_word(unit[1]) in _UNIT_OF.values() else set()
+    called = (
+        {"a", "v"} if unit is not None and unit_word(unit[1]) in _TABLE_UNITS.values() else set()
+    )
     return not rate and not set(_words(name)) & _NOT_POSITIONS - called
 
 
@@ -163,7 +169,10 @@ def _object(words: Sequence[str], axis: str, runs: bool) -> str:
 
 
 def find_header(rows: Sequence[Sequence[str]]) -> int:
-    """Number of the header's line: the last one above the first line of numbers.
+    """Number of the header's line: the last one above a line of numbers.
+
+    Of several, as where programs write the settings of a recording above its table, the first that
+    names a time or a position.
 
     Parameters
     ----------
@@ -175,15 +184,20 @@ def find_header(rows: Sequence[Sequence[str]]) -> int:
     int
         0 if there is no line of numbers below a line of words.
     """
-    for number, row in enumerate(rows[:_HEADER_LINES]):
-        if number and _is_of_numbers(row):
-            return number - 1
-    return 0
+    numbers = [_is_of_numbers(row) for row in rows[:HEADER_LINES]]
+    found = [at - 1 for at in range(1, len(numbers)) if numbers[at] and not numbers[at - 1]]
+    # the names, or those above their units
+    naming = (
+        at
+        for at in found
+        if any(time_column(row) or positions_of(row) for row in rows[max(0, at - 1) : at + 1])
+    )
+    return 0 if numbers[:1] == [True] else next(naming, found[0] if found else 0)
 
 
 def has_numbers(rows: Sequence[Sequence[str]]) -> bool:
     """Whether one of the first lines is a line of numbers."""
-    return any(map(_is_of_numbers, rows[:_HEADER_LINES]))
+    return any(map(_is_of_numbers, rows[:HEADER_LINES]))
 
 
 def _is_of_numbers(row: Sequence[str]) -> bool:
@@ -202,7 +216,11 @@ def is_value(cell: str) -> bool:
     if found is None:
         return cell.strip().casefold() in ("nan", "na", "n/a")
     unit = found[1].strip().split("/")[0]
-    return not unit or unit_word(unit) in _UNIT_OF
+    return not unit or unit_word(unit) in _TABLE_UNITS
+
+
+_TABLE_UNITS = UNIT_OF | {"frame": "frame", "frames": "frame"}
+"""Units of the cells of a table."""
 
 
 def is_unit_row(cells: Sequence[str]) -> bool:
@@ -210,37 +228,10 @@ def is_unit_row(cells: Sequence[str]) -> bool:
     written = [cell.strip() for cell in cells if cell.strip()]
     return bool(written) and all(
         re.fullmatch(r"[\(\[].*[\)\]]", cell)
-        or unit_word(cell) in _UNIT_OF
-        or unit_word(re.split(r"[/·*^ ]", cell)[0]) in _UNIT_OF
+        or unit_word(cell) in _TABLE_UNITS
+        or unit_word(re.split(r"[/·*^ ]", cell)[0]) in _TABLE_UNITS
         for cell in written
     )
-
-
-_UNIT_WORDS = {
-    "s": "s sec secs second seconds sekunde sekunden seconde secondes segundo segundos",
-    "ms": "ms msec millisecond milliseconds millisekunden millisecondes milisegundos",
-    "us": "us µs microsecond microseconds",
-    "m": "m meter meters metre metres metro metros",
-    "cm": "cm centimeter centimeters centimetre centimetres zentimeter centimetro centimetros",
-    "mm": "mm millimeter millimeters millimetre millimetres milimetro milimetros",
-    "um": "um µm micron microns micrometer micrometre",
-    "in": "in inch inches zoll pouce pouces pulgada pulgadas",
-    "ft": "ft foot feet fuss pied pieds pie pies",
-    "px": "px pixel pixels pix pixeles",
-    "frame": "frame frames",
-}
-_UNIT_OF = {word: unit for unit, words in _UNIT_WORDS.items() for word in words.split()}
-
-
-def unit_word(text: str) -> str:
-    """A unit of length or time as written anywhere: ``Seconds``, ``CM``; others stay."""
-    return _UNIT_OF.get(folded(text.strip()).replace("\u03bc", "µ"), text)
-
-
-def folded(text: str) -> str:
-    """Lower case without accents: ``Höhe`` and ``HOHE`` are ``hohe``."""
-    plain = unicodedata.normalize("NFKD", text.casefold())
-    return "".join(letter for letter in plain if not unicodedata.combining(letter))
 
 
 _SECONDS_PER_DAY = 86400.0

@@ -13,7 +13,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from measuring.checker.fall import MIN_FALL_ROWS, TIMES_S, units_by_fall
-from pipelines.interop.headers import folded, is_unit_row, may_be_position, unit_word
+from metrology.measurands import folded, unit_word
+from pipelines.interop.headers import is_unit_row, may_be_position
 from pipelines.interop.sheets import with_numbers
 
 __all__ = ["along_a_line", "by_fall", "numeric_columns", "with_arm", "with_centres",

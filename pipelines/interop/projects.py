@@ -356,10 +356,11 @@ def _track(
     name = item.get("name") or (None if label is None else label.get("Text"))
     begins = _number(text_of(item, "TimePosition"))
     tick = rows[:, 2]
-    if begins is not None and len(tick) and tick[0] < begins - 0.5 * ticks:
-        # before 0.8.16 ticks counted from the track's first mark
-        tick = tick - tick[0] + begins
-    counted = np.rint((tick - start) / ticks)
+    with np.errstate(over="ignore", invalid="ignore"):
+        if begins is not None and len(tick) and tick[0] < begins - 0.5 * ticks:
+            # before 0.8.16 ticks counted from the track's first mark
+            tick = tick - tick[0] + begins
+        counted = np.rint((tick - start) / ticks)
     if not (np.isfinite(rows).all() and (np.abs(counted) < _MAX_FRAME_NUMBER).all()):
         raise UsageError(
             f"track {name or number + 1}: a mark has no valid position or time",

@@ -16,7 +16,14 @@ import pandas as pd
 
 from metrology import UsageError
 from pipelines.interop.external import read_bytes
-from pipelines.interop.headers import find_header, has_numbers, is_unit_row, is_value
+from pipelines.interop.headers import (
+    HEADER_LINES,
+    find_header,
+    has_numbers,
+    is_unit_row,
+    is_value,
+    positions_of,
+)
 
 __all__ = [
     "frame_of",
@@ -32,9 +39,6 @@ __all__ = [
 MAX_COLUMNS = 2000
 """Columns of a table; more are a matrix, or a table written sideways. Chosen: the widest sheets of
 motion capture have some hundreds."""
-
-_HEADER_SEARCH_LINES = 14
-"""Lines in which the header is searched (chosen: programs write up to ten above it)."""
 
 _BLANKS = r"\s+(?![(\[])"
 """Blanks between columns; a unit in brackets belongs to the name before it."""
@@ -148,7 +152,7 @@ def frame_of(
         # the header itself is a comment, as in numpy.savetxt
         at -= 1
         lines = [*lines[:at], lines[at].lstrip("#%/ "), *lines[at + 1 :]]
-    searched = lines[at : at + _HEADER_SEARCH_LINES]
+    searched = lines[at : at + HEADER_LINES]
     # not that of a title above the header
     mark = separator_of(next((one for one in searched[:-1] if _is_split(one)), searched[0]))
     first = [_cells(line, mark) for line in searched]
@@ -156,9 +160,7 @@ def frame_of(
     above = find_header(first)
     mark = separator_of(lines[at + above])
     rows: Sequence[str] = lines[at + above + 1 :]
-    header = [cell.strip() for cell in _cells(lines[at + above], mark)]
-    if above and is_unit_row(header):
-        header = _with_units(_cells(lines[at + above - 1], mark), header)
+    header = _heads([_cells(line, mark) for line in searched[: above + 1]])
     if header and all(is_value(cell) for cell in header if cell):
         header, rows = _named(header, bare, path, notes), [lines[at + above], *rows]
     if mark == ",":
@@ -179,11 +181,36 @@ def _cells(line: str, mark: str) -> list[str]:
         return line.split(mark)
 
 
-def _with_units(names: Sequence[str], units: Sequence[str]) -> list[str]:
-    """Heads of a row of names and a row of units."""
+def _heads(above: Sequence[Sequence[str]]) -> list[str]:
+    """Names of the columns from all lines above the numbers: names, units, and objects above."""
+    *over, names = [[cell.strip() for cell in row] for row in above]
+    units: list[str] = []
+    if over and is_unit_row(names):
+        units, names = [cell.strip("()[] ") for cell in names], over.pop()
+    if len(set(names)) < len(names) or "" in names[:-1]:
+        named = [
+            joined for row in over[: -_MAX_NAME_LINES - 1 : -1] if (joined := _below(row, names))
+        ]
+        # names rather than the serial numbers of markers
+        names = min(named, key=lambda one: sum(map(str.isdigit, "".join(one))), default=names)
     pairs = zip_longest(names, units, fillvalue="")
-    bare = [(name.strip(), unit.strip("()[] ")) for name, unit in pairs]
-    return [f"{name} ({unit})" if unit else name for name, unit in bare]
+    return [f"{name} ({unit})" if unit else name for name, unit in pairs]
+
+
+def _below(objects: Sequence[str], axes: Sequence[str]) -> list[str]:
+    """Axes with the object's name, which stands above the first of its columns, or above each.
+
+    Empty unless these are positions.
+    """
+    spread = list(objects)
+    for at in range(1, len(spread)):
+        spread[at] = spread[at] or spread[at - 1]
+    joined = [" ".join(filter(None, pair)) for pair in zip_longest(spread, axes, fillvalue="")]
+    return joined if len(objects) <= len(axes) and positions_of(joined) else []
+
+
+_MAX_NAME_LINES = 4
+"""Lines of objects above the names of the axes (convention: OptiTrack writes type, name and id)."""
 
 
 def _named(
@@ -258,8 +285,9 @@ def _parsed(
             )
     except pd.errors.ParserWarning as problem:
         raise UsageError(
-            f"{path} has rows with more cells than its header",
-            hint="Name every column; the header found is: " + mark.join(header)[:80],
+            f"{path} has rows with more cells than its header names ({len(header)}, in line"
+            f" {above}): {mark.join(header)[:80]}",
+            hint="Write a name above every column, such as t (s),ball x (m),ball y (m).",
         ) from problem
     except (ValueError, pd.errors.ParserError) as problem:
         raise UsageError(
@@ -329,9 +357,7 @@ def sheet_of(path: Path, notes: list[str] | None = None) -> pd.DataFrame:
     at = find_header(cells)
     if table.empty:
         return table
-    names = [str(cell).strip() for cell in cells[at]]
-    if at and is_unit_row(names):
-        names = _with_units(cells[at - 1], names)
+    names = _heads(cells[: at + 1])
     table = table.iloc[at + 1 :].reset_index(drop=True)
     table.columns = pd.Index([name or f"Unnamed: {k}" for k, name in enumerate(names)])
     return with_numbers(table.infer_objects())
@@ -347,7 +373,7 @@ def _refuse_formulas(path: Path) -> None:
     from openpyxl import load_workbook  # type: ignore[import-untyped]
 
     for sheet in load_workbook(path, read_only=True):
-        for row in sheet.iter_rows(max_row=_HEADER_SEARCH_LINES):
+        for row in sheet.iter_rows(max_row=HEADER_LINES):
             formula = next((cell for cell in row if cell.data_type == "f"), None)
             if formula is not None:
                 raise UsageError(
@@ -359,7 +385,7 @@ def _refuse_formulas(path: Path) -> None:
 
 
 def _head_of(table: pd.DataFrame) -> list[list[str]]:
-    head = table.head(_HEADER_SEARCH_LINES).map(lambda cell: "" if pd.isna(cell) else str(cell))
+    head = table.head(HEADER_LINES).map(lambda cell: "" if pd.isna(cell) else str(cell))
     return list(head.to_numpy().tolist())
 
 

@@ -22,9 +22,17 @@ import pandas as pd
 import tomli_w
 from numpy.typing import NDArray
 
-from measuring.checker.fall import TIMES_S, TableUnits, turn_of_fall, units_by_fall
+from measuring.checker.fall import (
+    MIN_FALL_ROWS,
+    TIMES_S,
+    TableUnits,
+    find_fall,
+    turn_of_fall,
+    units_by_fall,
+)
 from measuring.measurement import CAMERA_COLUMNS
 from metrology import Defaults, UsageError, parse_quantity, write_text_whole
+from metrology.measurands import folded, unit_word
 from pipelines.interop.external import (
     ExternalTrack,
     ExternalTracks,
@@ -33,12 +41,11 @@ from pipelines.interop.external import (
 )
 from pipelines.interop.headers import (
     AxisColumns,
-    folded,
+    may_be_position,
     positions_of,
     read_clock,
     read_timecode,
     time_column,
-    unit_word,
 )
 from pipelines.interop.layout import (
     along_a_line,
@@ -201,6 +208,9 @@ def column_use(header: Sequence[str], said: Mapping[str, str], table: str) -> Co
         alike = [name for name in header if plain_name(name) in names]
         if len(alike) == 1 or (alike and key == "object"):
             columns[key] = min(alike, key=lambda name: names.index(plain_name(name)))
+    deep = next((name for name in header if plain_name(name) in _HEIGHTS), None)
+    if deep is not None and deep not in columns.values():
+        columns["z"] = deep
     missing = [key for key in ("x", "y") if key not in columns]
     if "t" not in columns and "frame" not in columns:
         missing.append("t")
@@ -209,6 +219,12 @@ def column_use(header: Sequence[str], said: Mapping[str, str], table: str) -> Co
             raise UsageError(
                 f"{table}: the first line holds numbers, not the names of the columns",
                 hint="Write a line of names above it, such as t,x,y for seconds and metres.",
+            )
+        if not any(may_be_position(name) for name in header if name != time_column(header)):
+            raise UsageError(
+                f"{table} holds no positions: it has {_listed(header)}",
+                hint="Speeds, accelerations and angles do not show where a ball was: export its"
+                " position, such as columns t (s), x (m), y (m).",
             )
         height = next((name for name in header if plain_name(name) in _HEIGHTS), "NAME")
         example = ", ".join(f"{key}={height if key == 'y' else 'NAME'}" for key in missing)
@@ -564,7 +580,7 @@ def _spreadsheet(
         return _own(table, path)
     notes = list(read)
     table = _in_columns(table, notes)
-    uses = _uses(table, said, path.name, notes)
+    table, uses = _in_its_plane(table, _uses(table, said, path.name, notes), said, notes)
     marks: list[Marks] = []
     for name, use in uses:
         parts = [(name, table)]
@@ -575,8 +591,6 @@ def _spreadsheet(
             parts = [(f"{column} {one}", rows) for one, rows in table.groupby(column, sort=False)]
         for part, rows in parts:
             marks += _marks(part or path.stem, rows, use, said)
-    if len(uses) == 1 and "y" not in said:
-        _refuse_other_height(path, table, uses[0][1], marks)
     units = _units(path, uses, marks, said)
     notes += [note for one in marks for note in one.unread()]
     notes += list(dict.fromkeys(one.note for one in marks if one.note)) + list(units.notes)
@@ -623,7 +637,7 @@ def read_samples(path: Path, said: Mapping[str, str]) -> tuple[pd.DataFrame, tup
     else:
         table = frame_of(text_lines(path, "a table of samples"), path, _BARE_COLUMNS, notes)
     table = _in_columns(table, notes)
-    uses = _uses(table, said, path.name, notes)
+    table, uses = _in_its_plane(table, _uses(table, said, path.name, notes), said, notes)
     marks: list[Marks] = []
     facts: list[dict[str, Any]] = []
     for name, use in uses:
@@ -640,7 +654,6 @@ def read_samples(path: Path, said: Mapping[str, str]) -> tuple[pd.DataFrame, tup
     unused = [name for name in map(str, table.columns) if name not in used | {*facts[0]}]
     if unused:
         notes.append(f"{path.name}: not used: {_listed(unused)}.")
-    _refuse_other_height(path, table, uses[0][1], marks)
     units = _units(path, uses, marks, said)
     if units.metre is None:
         raise UsageError(
@@ -792,25 +805,65 @@ def _exchanged(path: Path, use: ColumnUse) -> UsageError:
     )
 
 
-def _refuse_other_height(
-    path: Path, table: pd.DataFrame, use: ColumnUse, marks: Sequence[Marks]
-) -> None:
-    """Refuse a table in space whose flight falls along z.
+def _in_its_plane(
+    table: pd.DataFrame,
+    uses: list[tuple[str, ColumnUse]],
+    said: Mapping[str, str],
+    notes: list[str],
+) -> tuple[pd.DataFrame, list[tuple[str, ColumnUse]]]:
+    """Positions in space, as of motion capture, with y up and x along the path.
 
-    Raises
-    ------
-    UsageError
+    The fall shows which axis points up. Without a fall, or of stated axes, nothing is changed.
     """
-    height = next((name for name in table.columns if plain_name(name) in _HEIGHTS), None)
-    if height is None or len(marks) != 1 or marks[0].time is None or marks[0].repeats > 1:
-        return
-    other = replace(marks[0], place=np.column_stack([marks[0].place[:, 0], _values(table, height)]))
-    if units_by_fall([marks[0].for_units()]) is None and units_by_fall([other.for_units()]):
-        raise UsageError(
-            f"{path}: the flight falls along the column {height!r}, not {use.columns['y']!r}",
-            hint=f'Pass --columns "y={height}".',
-        )
+    spaces = [use.columns for _, use in uses if "z" in use.columns]
+    if len(spaces) < len(uses) or {"x", "y"} & said.keys():
+        return table, uses
+    falls = {up: max(_fall_along(table, one, up) for one in spaces) for up in "yz"}
+    if max(falls.values()) == 0.0:
+        return table, uses
+    up, side = ("z", "y") if falls["z"] > falls["y"] else ("y", "z")
+    level = np.vstack(
+        [np.diff(np.column_stack([_values(table, one[axis]) for axis in ("x", side)]), axis=0)
+         for one in spaces]
+    )  # fmt: skip
+    level = level[np.isfinite(level).all(axis=1)]
+    turn = math.atan(math.tan(0.5 * math.atan2(*_slope(level))))
+    found = []
+    for name, use in uses:
+        own = use.columns
+        if abs(turn) > MAX_DEPTH_TURN_RAD:
+            along = f"{own['x']}, along the path"
+            x, deep = _values(table, own["x"]), _values(table, own[side])
+            table = table.assign(**{along: math.cos(turn) * x + math.sin(turn) * deep})
+            own = {**own, "x": along}
+        found.append((name, replace(use, columns={**own, "y": own[up]})))
+    if up == "z":
+        notes.append(f"The flight falls along {spaces[0]['z']!r}: it is read as the height.")
+    if abs(turn) > MAX_DEPTH_TURN_RAD:
+        notes.append(f"The path runs {math.degrees(turn):.0f}° off {spaces[0]['x']!r}: positions"
+                     " along it are used.")  # fmt: skip
+    return table, found
 
+
+def _fall_along(table: pd.DataFrame, columns: Mapping[str, str], up: str) -> float:
+    """Downward acceleration of the clearest parabola along an axis, in the table's units."""
+    clock = columns.get("t") or columns["frame"]
+    rows = np.column_stack([_values(table, columns[key]) for key in ("x", up)])
+    time = _values(table, clock)
+    known = np.isfinite(rows).all(axis=1) & np.isfinite(time)
+    time, first = np.unique(time[known], return_index=True)
+    found = find_fall(time, rows[known][first]) if len(time) >= MIN_FALL_ROWS else None
+    return 0.0 if found is None else max(0.0, -float(found.acceleration[1]))
+
+
+def _slope(steps: FloatArray) -> tuple[float, float]:
+    """Sine and cosine, times a factor, of twice the angle of the direction of most steps."""
+    u, v = steps.T
+    return 2.0 * float(u @ v), float(u @ u - v @ v)
+
+
+MAX_DEPTH_TURN_RAD = 0.05
+"""Turn of a path off x that is left alone, rad (derived: it shortens x by 0.1 %)."""
 
 _HEIGHTS = frozenset(("z", "z_m", "z_cm", "z_mm", "pos_z", "z_pos", "position_z"))
 """Names of a third dimension, without units."""
@@ -923,7 +976,8 @@ def _use_of(
     pair: AxisColumns, header: Sequence[str], said: Mapping[str, str], table: str
 ) -> ColumnUse:
     own = {} if pair.t is None or {"t", "frame"} & said.keys() else {"t": pair.t}
-    return column_use(header, {**said, **own, "x": pair.x, "y": pair.y}, table)
+    use = column_use(header, {**said, **own, "x": pair.x, "y": pair.y}, table)
+    return use if pair.z is None else replace(use, columns={**use.columns, "z": pair.z})
 
 
 def _trackpy(table: pd.DataFrame, path: Path) -> ExternalTracks:

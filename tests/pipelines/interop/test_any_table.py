@@ -89,6 +89,14 @@ WRITTEN: dict[str, Callable[[], str]] = {
             f"{t:.8E},{x:.8E},{y:.8E}\n".replace("E", "D") for t, x, y in zip(T, X, Y, strict=True)
         )
     ),
+    "the height is z": lambda: "t,x,y,z\n" + lines(T, X, 1.0 + 0.0 * T, Y),
+    "along a diagonal": lambda: (
+        "Field,Time,ball,,\n,,X1,Y1,Z1\n" + lines(np.arange(ROWS), T, 0.8 * X, Y, 0.6 * X)
+    ),
+    "settings of a recording above": lambda: (
+        "DataRate\tNumFrames\tUnits\n200\t80\tm\nFrame#\tTime\tball\t\t\n\t\tX1\tY1\tZ1\n"
+        + lines(np.arange(ROWS), T, X, 0.0 * T, Y, mark="\t")
+    ),
     "x in cm, y in m": lambda: "t (s),x (cm),y (m)\n" + lines(T, 100 * X, Y),
     "decimetres without a unit": lambda: "t,x,y\n" + lines(T, 10 * X, 10 * Y),
     "microseconds without a unit": lambda: "t,x,y\n" + lines(1e6 * T, X, Y),
@@ -131,6 +139,24 @@ def test_runs_side_by_side_have_their_own_clocks(tmp_path: Path) -> None:
     assert second.time_s is not None
     assert second.time_s[0] == pytest.approx(1.0)
     assert list(read_samples(path, {})[0]["trial"].unique()) == ["run 1", "run 2"]
+
+
+def test_objects_stand_above_their_axes(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    heads = [
+        "Trajectories",
+        ",,rig:ball,,,rig:mass,,",
+        "Frame,Time,X,Y,Z,X,Y,Z",
+        ",s,mm,mm,mm,mm,mm,mm",
+    ]
+    level = np.full(ROWS, 12.0)
+    rows = lines(np.arange(ROWS), T, 1e3 * X, level, 1e3 * Y, 1e3 * X + 9, level, 1e3 * Y)
+    path.write_text("\n".join(heads) + f"\n{rows}", encoding="utf-8")
+    ball, mass = read_tracks(path).chosen({}).tracks
+    assert (ball.name, mass.name) == ("ball", "pendulum")
+    # motion capture points z up
+    assert -ball.px[:, 1] / 1e3 == pytest.approx(Y, abs=1e-4)
+    assert mass.px[:, 0] - ball.px[:, 0] == pytest.approx(9.0, abs=1e-2)
 
 
 def test_tracker_masses_with_their_own_clocks(tmp_path: Path) -> None:
@@ -258,10 +284,14 @@ def test_gliders_have_an_x_alone(tmp_path: Path) -> None:
 
 
 REFUSED = {
+    "accelerations": ("t (s),ax (m/s^2),Acceleration y (m/s^2)\n" + lines(T, X, Y), "no positions"),
+    "markers without axes": (
+        "MARKERS\tball\tmass\n" + lines(T, X, Y, T, X, Y, mark="\t"),
+        "names (3, in line 1)",
+    ),
     "an unknown unit without a fall": ("t (s),x (ell),y (ell)\n" + lines(T, X, X), "unit=m"),
     "two positions along a line": ("t (s),s1 (m),s2 (m)\n" + lines(T, X, X), "x=NAME"),
     "exchanged axes": ("t (s),x (m),y (m)\n" + lines(T, Y, X), '"x=y (m), y=x (m)"'),
-    "the height is z": ("t,x,y,z\n" + lines(T, X, 1.0 + 0.0 * T, Y), "y=z"),
     "a line break in a cell": (
         "t (s),x (m),y (m),note\n0,0,0,\n" + '1,1,1,"a\nb"\n' + "2,2,2,\n",
         "line 3",
