@@ -91,6 +91,12 @@ class Candidate:
         return self.effect.id
 
     @property
+    def place(self) -> tuple[int, ...]:
+        """Place of its shape in the grids of start values."""
+        grids = [p.grid for p in self.effect.shapes]
+        return tuple(grid.index(v) for grid, (_, v) in zip(grids, self.shape, strict=True))
+
+    @property
     def key(self) -> Effect:
         """What distinguishes one law from another: everything but where its parameters may lie."""
         return replace(self.effect, parameters=())

@@ -59,6 +59,7 @@ __all__ = [
     "MEMBER_PENALTY",
     "POOR_FIT",
     "SURELY",
+    "WHOLE_ROUNDS",
     "Hypothesis",
     "as_fitted",
     "evidence_of_uneven_losses",

@@ -21,6 +21,7 @@ from mismatch.fitting.hypotheses import (
     MEMBER_PENALTY,
     POOR_FIT,
     SLACK,
+    WHOLE_ROUNDS,
     Hypothesis,
     as_fitted,
     evidence_of_uneven_losses,
@@ -83,6 +84,16 @@ MAX_UNNAMED = 6
 
 """Laws in no catalogue that are tried, and likewise curves, the best by the linear score. Chosen:
 a law that saturates is misjudged by the linear score, and curves would crowd it out."""
+
+MAX_STARTS = 3
+
+"""Shapes from which one law is fitted. Chosen: of 70 laws of a strike a fifth have a second peak,
+hardly one a fourth."""
+
+START_SHARE = 0.4
+
+"""Fraction of its law's linear score from which another peak is a start, as for laws alone. The
+score of a place between two starts of the grid may be half of what a fit gains there."""
 
 MAX_CORRECTED = 3
 
@@ -413,6 +424,60 @@ def _best_by_law(scored: Scan, anywhere: bool = False) -> list[tuple[float, int,
     return sorted(best.values(), key=lambda item: -item[0])
 
 
+def _starts(scored: Scan, index: int, values: FloatArray) -> list[tuple[Candidate, FloatArray]]:
+    """Shapes and strengths from which a law is fitted: its best by the linear score, other peaks.
+
+    A push from above the path scores as a pull from below it, and no fit leads from one to the
+    other: shapes whose strengths have opposite signs are no neighbours.
+    """
+    law = scored.candidates[index]
+    scores = {
+        k: scored.gain(k)
+        for k, one in enumerate(scored.candidates)
+        if law.shape and one.key == law.key and k != index
+    }
+    least = START_SHARE * scored.gain(index)[0]
+    others = [k for k, (gain, found) in scores.items() if scored.allowed(k, found)]
+    starts, seen = [(law, values)], [(np.array(law.place), values)]
+    for k in sorted(others, key=lambda k: -scores[k][0]):
+        gain, found = scores[k]
+        place = np.array(scored.candidates[k].place)
+        beside = any(np.abs(place - at).max() <= 1 and found @ one > 0.0 for at, one in seen)
+        seen.append((place, found))
+        if gain > least and not beside:
+            starts.append((scored.candidates[k], found))
+    return starts
+
+
+def _from_each_start(
+    forward: Forward,
+    base: Fit,
+    scored: Scan,
+    item: tuple[float, int, FloatArray],
+    seed: Hypothesis | None = None,
+    *,
+    rounds: int = WHOLE_ROUNDS,
+    rival: float = np.inf,
+) -> Hypothesis:
+    """A law fitted alone, or with those of a smaller set where they ended, from all its starts.
+
+    Of several starts each is followed to its end: the right one may be far behind at first. Free
+    swings, which pass every place at many rates, ended alike from all and need the best one alone.
+    """
+    members, strengths = ([], []) if seed is None else as_fitted(seed.members, seed.fit)
+    starts = _starts(scored, *item[1:])[: 1 if forward.mode == "swing" else MAX_STARTS]
+    if len(starts) > 1:
+        rounds, rival = WHOLE_ROUNDS, np.inf
+    found = [
+        fit_hypothesis(
+            forward, base, [*members, one], [*strengths, values],
+            start=None if seed is None else seed.fit, rounds=rounds, rival=rival,
+        )
+        for one, values in starts
+    ]  # fmt: skip
+    return min(found, key=lambda h: (not h.allowed, h.fit.objective))
+
+
 Ranked: TypeAlias = list[tuple[float, int, FloatArray]]
 
 """(penalised, candidate, strengths) by the linear score, best first."""
@@ -477,7 +542,7 @@ def _continued(forward: Forward, base: Fit, h: Hypothesis, rival: float) -> Hypo
 def _other_forms(
     forward: Forward,
     base: Fit,
-    candidates: Sequence[Candidate],
+    scored: Scan,
     others: Ranked,
     tried: Sequence[Hypothesis],
 ) -> list[Hypothesis]:
@@ -491,11 +556,11 @@ def _other_forms(
     best = {h.ids[0]: h.penalised_gain for h in tried}
     found = []
     for promised, index, values in others:
-        identity = candidates[index].id
+        identity = scored.candidates[index].id
         so_far = best.get(identity, -np.inf)
         misjudged = promised > lead - reach and so_far < MISJUDGED * promised
         if so_far > lead - reach or misjudged:
-            h = fit_hypothesis(forward, base, [candidates[index]], [values])
+            h = _from_each_start(forward, base, scored, (promised, index, values))
             best[identity] = max(so_far, h.penalised_gain)
             found.append(h)
     return found
@@ -581,13 +646,11 @@ def _singles(forward: Forward, base: Fit, first: Scan, ranked: Ranked) -> list[H
     first_of_each, others = _by_law(ranked, first.candidates)
     listed = _shortlist(first_of_each, MAX_SINGLES, share)
     tried: list[Hypothesis] = []
-    for _, index, values in _with_a_nameless_one(listed, first_of_each, first.candidates):
-        one, ahead = first.candidates[index], _ahead(tried)
-        tried.append(
-            fit_hypothesis(forward, base, [one], [values], rounds=FIRST_STEPS, rival=ahead)
-        )
+    for item in _with_a_nameless_one(listed, first_of_each, first.candidates):
+        ahead = _ahead(tried)
+        tried.append(_from_each_start(forward, base, first, item, rounds=FIRST_STEPS, rival=ahead))
     tried = _those_that_compete_finished(forward, base, tried)
-    return tried + _other_forms(forward, base, first.candidates, others, tried)
+    return tried + _other_forms(forward, base, first, others, tried)
 
 
 def _one_more(
@@ -728,10 +791,7 @@ def _with_ruler_or_clock(
     more = [e for e in effects if e.id in SCALES.difference(best.ids)]
     pool = candidates_for(forward, best.fit.model, more, unnamed=False)
     scored = scan(forward, best.fit, pool)
-    return [
-        _extended(forward, base, best, pool[index], values)
-        for _, index, values in _best_by_law(scored)
-    ]
+    return [_from_each_start(forward, base, scored, item, best) for item in _best_by_law(scored)]
 
 
 def _with_clocks(forward: Forward, fit: Fit, effects: Sequence[Effect]) -> list[Effect]:
@@ -872,8 +932,8 @@ def _grow(
         if strained and not _worth_a_fit(forward, seed, pool, ranked, threshold):
             # What errors of form take up at that size may as well be a law of its own: both are
             # fitted, and their evidence decides.
-            exact = scan(forward, seed.fit, pool)
-            ranked = _best_by_law(exact, forward.mode == "swing")
+            scored = scan(forward, seed.fit, pool)
+            ranked = _best_by_law(scored, forward.mode == "swing")
         known = _known_that_show(forward, seed, pool)
         if known:
             ranked = [*known, *ranked]
@@ -898,12 +958,12 @@ def _grow(
         if seed.reduced_chi2 >= POOR_FIT:
             near = max(near, FORM_SHARE * ranked[0][0])
         alike = [item for item in others if item[0] > ranked[0][0] - near]
-        for _, index, values in [*_shortlist(first_of_each, 6, share), *alike[:3]]:
-            law = frozenset(keys | {pool[index].key})
+        for item in [*_shortlist(first_of_each, 6, share), *alike[:3]]:
+            law = frozenset(keys | {pool[item[1]].key})
             if law in grown:
                 continue
             rival = _ahead([*tried, *grown.values()])
-            grown[law] = _extended(forward, base, seed, pool[index], values, rival)
+            grown[law] = _from_each_start(forward, base, scored, item, seed, rival=rival)
     return list(grown.values())
 
 
@@ -976,11 +1036,13 @@ def _corrected(
         if seed.penalised_gain < SEED_SHARE * alone[0].penalised_gain:
             continue
         pool = candidates_for(forward, seed.fit.model, stated, unnamed=False)
-        ranked = _best_by_law(scan(forward, seed.fit, pool))
-        for _, index, values in ranked[:1]:
-            new = frozenset({seed.members[0].key, pool[index].key}) not in done
-            if new and _worth_a_fit(forward, seed, pool, ranked[:1], threshold):
-                found.append(_extended(forward, base, seed, pool[index], values, _ahead(tried)))
+        scored = scan(forward, seed.fit, pool)
+        ranked = _best_by_law(scored)[:1]
+        for item in ranked:
+            new = frozenset({seed.members[0].key, pool[item[1]].key}) not in done
+            if new and _worth_a_fit(forward, seed, pool, ranked, threshold):
+                rival = _ahead(tried)
+                found.append(_from_each_start(forward, base, scored, item, seed, rival=rival))
     return found
 
 
@@ -1032,12 +1094,10 @@ def _in_place_of_each(
         least = own - max(LAW_REACH, FORM_SHARE * abs(own))
         keys = frozenset(member.key for member in rest.members)
         new = [
-            (at, values) for gain, at, values in ranked
-            if gain > least and pool[at].id not in best.ids and keys | {pool[at].key} not in done
+            item for item in ranked for one in (pool[item[1]],)
+            if item[0] > least and one.id not in best.ids and keys | {one.key} not in done
         ]  # fmt: skip
-        found += [
-            _extended(forward, base, rest, pool[at], values) for at, values in new[:MAX_INSTEAD]
-        ]
+        found += [_from_each_start(forward, base, scored, item, rest) for item in new[:MAX_INSTEAD]]
     return found
 
 
@@ -1137,22 +1197,6 @@ def _one_per_id(seeds: Sequence[Hypothesis], most: int) -> list[Hypothesis]:
     for seed in seeds:
         chosen.setdefault(seed.ids, seed)
     return list(chosen.values())[:most]
-
-
-def _extended(
-    forward: Forward,
-    base: Fit,
-    seed: Hypothesis,
-    more: Candidate,
-    values: FloatArray,
-    rival: float = np.inf,
-) -> Hypothesis:
-    """Refit a set with one more effect, starting from where the smaller set ended."""
-    members, strengths = as_fitted(seed.members, seed.fit)
-    return fit_hypothesis(
-        forward, base, [*members, more], [*strengths, values], start=seed.fit, rounds=8,
-        rival=rival,
-    )  # fmt: skip
 
 
 def _ahead(tried: Sequence[Hypothesis]) -> float:

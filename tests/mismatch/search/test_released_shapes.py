@@ -1,5 +1,7 @@
 """A fit finds for a law with a place what it finds when it starts from there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from mismatch.search import naming
 from mismatch.search.naming import _best_by_law, _by_law
 from mismatch.search.unnamed import Magnet, ResistanceCurve, SmoothCurve
 from physics.effects import CATALOGUE, EffectId
+from tests.mismatch.synthetic import struck_campaign
 
 GRAVITY = 9.806
 
@@ -49,6 +52,22 @@ def test_a_place_far_from_every_start_is_found_at_once(tethered):
     again = fit_hypothesis(forward, base, *as_fitted(found.members, found.fit), start=found.fit)
     assert found.fit.ending is Ending.CONVERGED
     assert found.fit.objective - again.fit.objective < 3.0 * SLACK
+
+
+@pytest.mark.parametrize(
+    ("place_x", "place_y", "reach", "strength"), [(0.72, 0.33, 0.069, 1.5), (0.4, 0.45, 0.06, 1.0)]
+)
+def test_a_pull_from_below_is_no_push_from_above(place_x, place_y, reach, strength):
+    """A push from 14 cm above took its place, 300 units behind, with a false drag beside it."""
+    place = {"place_x": place_x, "place_y": place_y, "reach": reach}
+    prepared = prepare(*struck_campaign((Magnet(), place | {"strength": strength}), seed=5))
+    forward, base = prepared.forward, prepared.fit
+    pool = candidates_for(forward, base.model, [Magnet()], unnamed=False)
+    there = replace(pool[0], shape=tuple(place.items()))
+    true = fit_hypothesis(forward, base, [there], [np.array([strength])])
+    scored = scan(forward, base, pool)
+    (found,) = naming._singles(forward, base, scored, _best_by_law(scored))
+    assert found.fit.objective < true.fit.objective + SLACK
 
 
 def test_a_law_whose_fit_has_ended_is_not_fitted_again(tethered, monkeypatch):
