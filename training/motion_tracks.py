@@ -88,7 +88,15 @@ def detected(
     if rng.random() < 0.3:
         wrong = rng.random(count) < rng.uniform(0.0, 0.05)
         place[wrong] += rng.normal(0, 3 * radius, (int(wrong.sum()), 2))
+    step = np.gradient(path, axis=0)
+    quick = np.hypot(*step.T) > rng.uniform(0.3, 1.5) * radius
+    if rng.random() < 0.4:
+        # smeared by the exposure, it is placed somewhere along its streak
+        along = rng.normal(0, rng.uniform(0.02, 0.15), (count, 1)) * step
+        place = place + np.where(quick[:, None], along, 0.0)
     keep = rng.random(count) > rng.choice([0.0, 0.02, 0.1, 0.3])
+    if rng.random() < 0.2:
+        keep &= ~quick | (rng.random(count) > rng.uniform(0.1, 0.7))
     if rng.random() < 0.2 and count > 30:
         start = rng.integers(count)
         keep[start : start + int(rng.uniform(2, 0.15 * count))] = False
@@ -190,9 +198,9 @@ def draw_fall(rng: np.random.Generator, width: float, kind: str) -> tuple[str, F
         path = np.concatenate([before, path])
     else:
         v = fall * np.array([rng.choice([-1, 1]) * rng.uniform(0.15, 1.5), -rng.uniform(-0.3, 1.0)])
-        if rng.random() < 0.15:
-            v[0] *= 0.1
-            v[1] = rng.choice([-1, 1]) * fall * rng.uniform(0.3, 1.0)
+        if rng.random() < 0.3:
+            v[0] *= rng.uniform(0.0, 0.3)
+            v[1] = rng.choice([-1, -1, 1]) * fall * rng.uniform(0.3, 1.0)
         path, hits = falling(x0, v, gravity, x0[1] + height, restitution, int(count * 1.3), drag)
         if rng.random() < 0.4 and len(hits) < 2:
             many = int(rng.uniform(3, 0.6 * frames + 4))
@@ -456,13 +464,17 @@ def draw_carried(rng: np.random.Generator, width: float) -> tuple[FloatArray, fl
 
 
 def draw_circle(rng: np.random.Generator, width: float) -> tuple[FloatArray, float]:
-    """A turn at constant rate, seen at an angle."""
+    """A turn, at constant rate or slowed by friction, seen at an angle; at times from a rest."""
     turns = math.exp(rng.uniform(math.log(0.4), math.log(25)))
-    count = int(np.clip(turns * rng.uniform(8, 80), 25, 800))
-    angle = (
-        rng.uniform(0, 2 * math.pi)
-        + rng.choice([-1, 1]) * 2 * math.pi * turns * np.arange(count) / count
-    )
+    count = int(np.clip(turns * rng.uniform(8, 80), 25, 1200))
+    share = np.arange(count) / count
+    rate = np.ones(count)
+    if rng.random() < 0.6:
+        rate = np.maximum(np.exp(-rng.uniform(0, 3) * share) - rng.uniform(0, 0.6) * share, 0.0)
+    turned = np.cumsum(rate) / rate.sum()
+    if rng.random() < 0.3:
+        turned = np.concatenate([np.zeros(int(rng.uniform(3, 40))), turned])
+    angle = rng.uniform(0, 2 * math.pi) + rng.choice([-1, 1]) * 2 * math.pi * turns * turned
     arm, ratio, lean = (
         width * rng.uniform(0.04, 0.35),
         rng.uniform(0.35, 1.0),

@@ -91,7 +91,7 @@ def explain(seen: Observations) -> Explained:
         "fall": fall.cost,
         "straight": slope.cost,
         "swing": _whole_cost(inner, swing, noise, worth, 10) + outside,
-        "circle": _whole_cost(inner, circle, noise, worth, 7) + outside,
+        "circle": _whole_cost(inner, circle, noise, worth, 12) + outside,
         "carried": worth * random_process_cost(seen, noise),
         "rest": worth * _rest_cost(seen, noise),
     }

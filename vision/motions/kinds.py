@@ -359,7 +359,7 @@ def _reasons(
         )
     elif kind is MotionKind.CIRCLE and one.circle is not None:
         found.append(
-            f"A turn at constant rate, {one.circle.period:.4g} frames a turn, axes 1 to"
+            f"A turn about a centre, {one.circle.period:.4g} frames a turn, axes 1 to"
             f" {one.circle.ratio:.2f}."
         )
     elif kind in (MotionKind.ROLL, MotionKind.SLIDE):

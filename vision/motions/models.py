@@ -558,12 +558,12 @@ def _correlation_time(residual: FloatArray) -> float:
 
 @dataclass(frozen=True)
 class Circle:
-    """A turn at constant rate, seen as an ellipse.
+    """A turn about a fixed centre, seen as an ellipse; of several turns friction changes the rate.
 
     Attributes
     ----------
     period : float
-        Frames.
+        In the mean, frames.
     ratio : float
         Short axis over long one.
     turned : float
@@ -582,32 +582,88 @@ class Circle:
 
 
 def fit_circle(seen: Observations) -> Circle | None:
-    """Fit a turn at constant rate to all rows; None with fewer than eight."""
+    """Fit a turn to all rows; None with fewer than eight."""
     if len(seen) < 8 or seen.span <= 0.0:
         return None
     few = seen.thinned(160)
-    time, span = few.frame - seen.frame[0], seen.span
-
-    def left(log_rate: float, at: FloatArray, place: FloatArray) -> tuple[FloatArray, FloatArray]:
-        turn = math.exp(log_rate) * at
-        columns = np.column_stack([np.ones_like(at), np.cos(turn), np.sin(turn)])
-        linear = np.linalg.lstsq(columns, place, rcond=1e-7)[0]
-        return place - columns @ linear, linear
+    time, share = few.frame - seen.frame[0], (seen.frame - seen.frame[0]) / seen.span
 
     def cost(log_rate: float) -> float:
-        return float((left(log_rate, time, few.place)[0] ** 2).sum())
+        return float((_turned(math.exp(log_rate) * time, few.place)[0] ** 2).sum())
 
-    best = min((float(np.log(rate)) for rate in _frequencies(time, few.place, span)), key=cost)
-    width = min(0.7, 1.0 / max(math.exp(best) * span / (2.0 * math.pi), 0.5) * 0.3)
+    starts = _frequencies(time, few.place, seen.span)
+    best = min((float(np.log(rate)) for rate in starts), key=cost)
+    width = min(0.7, 1.0 / max(math.exp(best) * seen.span / (2.0 * math.pi), 0.5) * 0.3)
     found = scipy.optimize.minimize_scalar(
         cost, bounds=(best - width, best + width), method="bounded", options={"xatol": 1e-5}
     )
-    log_rate = float(found.x)
-    residual, linear = left(log_rate, seen.frame - seen.frame[0], seen.place)
+    turn = math.exp(float(found.x)) * seen.span * share
+    slowed = _slowed(seen, share)
+    if slowed is not None and _left(slowed, seen) < _left(turn, seen):
+        turn = slowed
+    residual, linear = _turned(turn, seen.place)
     axes = np.linalg.svd(linear[1:], compute_uv=False)
-    rate = math.exp(log_rate)
     ratio = float(axes[1] / max(float(axes[0]), 1e-9))
-    return Circle(2.0 * math.pi / rate, ratio, rate * span, residual, linear)
+    turned = abs(float(turn[-1] - turn[0]))
+    return Circle(2.0 * math.pi * seen.span / max(turned, 1e-9), ratio, turned, residual, linear)
+
+
+def _turned(turn: FloatArray, place: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What a turn by angles about the best centre leaves, and its centre and axes."""
+    columns = np.column_stack([np.ones_like(turn), np.cos(turn), np.sin(turn)])
+    linear = np.linalg.lstsq(columns, place, rcond=1e-7)[0]
+    return place - columns @ linear, linear
+
+
+def _left(turn: FloatArray, seen: Observations) -> float:
+    return float(np.median((_turned(turn, seen.place)[0] ** 2).sum(axis=1)))
+
+
+_SLOWING = 6
+"""Degree of the angle over time. Convention: a turn that dies out and stops needs about as many."""
+
+
+def _slowed(seen: Observations, share: FloatArray) -> FloatArray | None:
+    """Angles of a turn whose rate changes, from an ellipse through all places.
+
+    None where they lie on no ellipse, or of less than two turns, whose rate is not seen to change.
+    """
+    middle = seen.place.mean(axis=0)
+    size = max(float(seen.place.std()), 1e-9)
+    x, y = ((seen.place - middle) / size).T
+    conic = np.linalg.lstsq(
+        np.column_stack([x * x, x * y, y * y, x, y]), np.ones_like(x), rcond=1e-9
+    )[0]
+    form = np.array([[conic[0], 0.5 * conic[1]], [0.5 * conic[1], conic[2]]])
+    if np.linalg.eigvalsh(form)[0] <= 1e-6:
+        return None
+    centre = -0.5 * np.linalg.solve(form, conic[3:])
+    round_x, round_y = np.linalg.cholesky(form).T @ (np.array([x, y]) - centre[:, None])
+    angle = _unwrapped(np.arctan2(round_y, round_x), seen.frame)
+    if abs(angle[-1] - angle[0]) < 4.0 * math.pi:
+        return None
+    powers = np.vander(share, _SLOWING + 1, increasing=True)[:, 1:]
+    start = np.polynomial.polynomial.polyfit(share, angle, _SLOWING)[1:]
+
+    def left(values: FloatArray) -> FloatArray:
+        return _turned(powers @ values, seen.place)[0].ravel()
+
+    fitted = scipy.optimize.least_squares(left, start, loss="soft_l1", f_scale=3.0 * seen.noise)
+    return np.asarray(powers @ fitted.x)
+
+
+_RATE_SHARE = 0.3
+"""Of the rate between two rows in the rate that is carried on. Convention: of about six rows."""
+
+
+def _unwrapped(angle: FloatArray, frame: FloatArray) -> FloatArray:
+    """Angles that go on as fast as before, however many turns a gap hides."""
+    found, rate = angle.copy(), 0.0
+    for row, step in enumerate(np.diff(frame).tolist(), start=1):
+        ahead = found[row - 1] + rate * step
+        found[row] += 2.0 * math.pi * round((ahead - found[row]) / (2.0 * math.pi))
+        rate += _RATE_SHARE * ((found[row] - found[row - 1]) / step - rate)
+    return found
 
 
 _PROCESS = np.geomspace(1e-4, 1.0, 9)

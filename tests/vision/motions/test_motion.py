@@ -135,6 +135,18 @@ def test_a_bob_swings() -> None:
     assert kind is MotionKind.SWING
 
 
+def test_a_turn_that_friction_stops_is_a_circle() -> None:
+    time = np.arange(400.0)
+    angle = 45.0 * (1.0 - np.exp(-time / 110.0))
+    centre = 80.0 * np.column_stack([np.cos(angle), 0.9 * np.sin(angle)]) + 150.0
+    seen = np.concatenate([np.arange(60), np.arange(95, 400)])
+    track = _track(centre)
+    kept = {name: getattr(track, name)[seen] for name in Track.__dataclass_fields__}
+    motion = interpret_tracks(Track(**kept), None)
+    assert motion.kind is MotionKind.CIRCLE
+    assert motion.probability > 0.8
+
+
 def test_what_follows_no_law_is_no_motion() -> None:
     steps = np.random.default_rng(5).normal(0.0, 9.0, (60, 2))
     assert _kind(np.cumsum(steps, axis=0))[0] in (MotionKind.NONE, MotionKind.CARRIED)
