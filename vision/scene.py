@@ -23,9 +23,10 @@ Pictures sorted pixel by pixel: a network of minima and maxima over whole pictur
 
 import copy
 import itertools
+import math
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -562,6 +563,11 @@ def warped(frame: NDArray[Any], view: FrameView) -> NDArray[Any]:
     )
 
 
+def smoothed(frame: FloatImage) -> FloatImage:
+    """A picture less the noise that slopes would take for structure."""
+    return np.asarray(cv2.GaussianBlur(frame, (0, 0), 1.0), dtype=np.float32)
+
+
 class Aligner:
     """Registers frames on a picture of the scene.
 
@@ -576,7 +582,7 @@ class Aligner:
     def __init__(self, scene: FloatImage, noise: float) -> None:
         self._scene = scene
         self._noise = noise
-        self._smooth = np.asarray(cv2.GaussianBlur(scene, (0, 0), 1.0), dtype=np.float32)
+        self._smooth = smoothed(scene)
         self._gx = cv2.Scharr(self._smooth, cv2.CV_32F, 1, 0) / 32.0
         self._gy = cv2.Scharr(self._smooth, cv2.CV_32F, 0, 1) / 32.0
         self._rows, self._columns = _structured_points(np.hypot(self._gx, self._gy))
@@ -599,7 +605,7 @@ class Aligner:
         if len(self._rows) < _FEWEST_POINTS:
             # Too small a picture to tell the camera's motion by.
             return guess
-        smooth = np.asarray(cv2.GaussianBlur(frame, (0, 0), 1.0), dtype=np.float32)
+        smooth = smoothed(frame)
         found = self._refine(smooth, guess)
         if found[1] > 1.7:
             # On a copy: the transform works in place.
@@ -608,9 +614,11 @@ class Aligner:
             again = self._refine(smooth, FrameView(1.0, shift, 0.0, 0.0))
             # A wall's grid repeats: of two fits about as good, the nearer is right. And what moves
             # may have the strongest edges: the scene is what most of the picture agrees with.
-            better = again[1] < 0.7 * found[1] and self._prefer(again[2], found[2])
-            found = again if better else found
-        return found[0]
+            clearer = again[1] < 0.7 * found[1] and self._prefer(again[2], found[2])
+            found = again if clearer else found
+        better, worse = _votes(self.gained(smooth, found[0]))
+        # along edges of one direction a fit slides from frame to frame
+        return found[0] if better >= worse else FrameView(found[0].gain, np.zeros(2), 0.0, 0.0)
 
     def _reduced(self, smooth: FloatImage) -> FloatImage:
         height, width = smooth.shape[0] // self._grain, smooth.shape[1] // self._grain
@@ -621,7 +629,6 @@ class Aligner:
     def _refine(self, frame: FloatImage, guess: FrameView) -> tuple[FrameView, float, FloatArray]:
         rows, columns = self._rows, self._columns
         x0, y0 = self._centre
-        height, width = frame.shape
         gx, gy = self._gx[rows, columns], self._gy[rows, columns]
         expected = self._smooth[rows, columns]
         design = np.stack(
@@ -630,9 +637,7 @@ class Aligner:
         shift, roll = guess.shift_px.copy(), guess.roll_rad
         gain, scale, std = guess.gain, 1e9, 0.0
         for _ in range(_ITERATIONS):
-            x = (columns + shift[0] - roll * (rows - y0)).astype(np.float32)
-            y = (rows + shift[1] + roll * (columns - x0)).astype(np.float32)
-            inside = (x > 1) & (y > 1) & (x < width - 2) & (y < height - 2)
+            x, y, inside = self._points(FrameView(gain, shift, roll, std), frame.shape)
             if np.count_nonzero(inside) < _FEWEST_POINTS:
                 return FrameView(float(gain), shift, float(roll), std), np.inf, np.zeros(0)
             seen = _sampled(frame, x, y)
@@ -656,6 +661,47 @@ class Aligner:
         off = np.where(inside, residual / self._noise, np.nan)
         return FrameView(float(gain), shift, float(roll), std), quality, off
 
+    def _points(
+        self, view: FrameView, shape: tuple[int, ...]
+    ) -> tuple[FloatImage, FloatImage, NDArray[np.bool_]]:
+        """Where the scene's points are in a frame (P,), and which of them it shows."""
+        x0, y0 = self._centre
+        shift, roll = view.shift_px, view.roll_rad
+        x = (self._columns + shift[0] - roll * (self._rows - y0)).astype(np.float32)
+        y = (self._rows + shift[1] + roll * (self._columns - x0)).astype(np.float32)
+        return x, y, (x > 1) & (y > 1) & (x < shape[1] - 2) & (y < shape[0] - 2)
+
+    def halves(self) -> tuple["Aligner", "Aligner"]:
+        """Two that register on every other tile each, like the fields of a chessboard."""
+        tile = np.arange(len(self._rows)) // _POINTS_PER_TILE
+        return self._on((tile // _TILES + tile) % 2 == 0), self._on(
+            (tile // _TILES + tile) % 2 == 1
+        )
+
+    def _on(self, kept: NDArray[np.bool_]) -> "Aligner":
+        other = copy.copy(self)
+        other._rows, other._columns = self._rows[kept], self._columns[kept]
+        return other
+
+    def gained(self, smooth: FloatImage, view: FrameView) -> FloatArray:
+        """Mean chi-square by which each tile (T,) of a smoothed frame agrees better with a view.
+
+        Of each tile the light is its own, so that a change of light, slow over the picture, speaks
+        neither for a shift nor against it.
+        """
+        still = FrameView(view.gain, np.zeros(2), 0.0, 0.0)
+        known, left = np.ones(len(self._rows), dtype=bool), []
+        for one in (still, view):
+            x, y, inside = self._points(one, smooth.shape)
+            known &= inside
+            off = _sampled(smooth, x, y) - one.gain * self._smooth[self._rows, self._columns]
+            off = off.reshape(-1, _POINTS_PER_TILE) / self._noise
+            off = off - np.median(off, axis=1, keepdims=True)
+            left.append(np.minimum(off**2, _SPEAKS**2))
+        counted = known.reshape(-1, _POINTS_PER_TILE)
+        gain = np.where(counted, left[0] - left[1], 0.0).sum(axis=1)
+        return np.asarray(gain / np.maximum(counted.sum(axis=1), 1))
+
     def _prefer(self, one: FloatArray, other: FloatArray) -> bool:
         """Whether more tiles of the picture speak for one fit than for another.
 
@@ -668,6 +714,16 @@ class Aligner:
         spread = _SPEAKS * np.sqrt(np.maximum(known.sum(axis=1), 1))
         for_one = np.where(known, gain, 0.0).sum(axis=1)
         return int(np.sum(for_one > spread)) > int(np.sum(for_one < -spread))
+
+
+_SPEAKS_FOR = 0.5
+"""Chi-square a point by which a tile speaks for a shift or against it. Derived: 24 points scatter
+by less."""
+
+
+def _votes(gains: FloatArray) -> tuple[int, int]:
+    """How many tiles speak for a shift, and how many against it."""
+    return int(np.sum(gains > _SPEAKS_FOR)), int(np.sum(gains < -_SPEAKS_FOR))
 
 
 _JUMP_WIDTH_PX = 320
@@ -732,6 +788,25 @@ _FEWEST_UNCOVERED = 3
 """Frames: a median of fewer does not leave out one that is wrong."""
 
 
+_CERTAIN = 3.0
+"""Standard deviations of a sign test. Convention."""
+
+
+def _moves(aligner: Aligner, frames: Iterable[FloatImage]) -> bool:
+    """Whether a shift by one half of the picture makes the other half agree better.
+
+    Along edges of one direction, and where the light changes, each half finds a shift of its own.
+    """
+    one, other = aligner.halves()
+    gains = [
+        far.gained(smoothed(frame), near.view(frame))
+        for frame in frames
+        for near, far in ((one, other), (other, one))
+    ]
+    better, worse = _votes(np.concatenate(gains))
+    return better - worse > _CERTAIN * math.sqrt(better + worse)
+
+
 @dataclass(frozen=True)
 class SceneKnown:
     """What is known of a static scene.
@@ -787,7 +862,7 @@ class FilmedScene:
         shifts = np.array([view.shift_px for view in trial])
         shifts -= np.median(shifts, axis=0)
         wander = float(np.percentile(np.hypot(shifts[:, 0], shifts[:, 1]), 95))
-        self.hand_held = wander > _UNSTEADY_PX
+        self.hand_held = wander > _UNSTEADY_PX and _moves(rough, map(self._gray, samples))
         self.background = self._still(samples, rough)
         self.noise = float(np.median(self.background.noise))
         self.views: dict[int, FrameView] = {}

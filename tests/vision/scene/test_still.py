@@ -37,6 +37,30 @@ def test_frames_are_as_steady_where_the_scene_was_never_seen() -> None:
     assert np.array_equal(scene.background.noise, known.image.noise)
 
 
+def _door(shift: float) -> np.ndarray:
+    """Light of a plain wall with a band whose edges are upright."""
+    x = np.mgrid[0:160, 0:240][1] - shift
+    return 0.5 - 0.2 * (np.abs(x - 130.0) < 12.0)
+
+
+def test_a_camera_before_upright_edges_stands_still_though_the_light_changes() -> None:
+    y = np.mgrid[0:160, 0:240][0]
+    lights = [1.0 + 0.1 * np.sin(0.1 * k) * (y / 80.0 - 1.0) for k in range(80)]
+    pictures = [exposed(_door(0.0) * light, 1.0, k) for k, light in enumerate(lights)]
+    assert not FilmedScene(Footage(PaintedClip(pictures))).hand_held  # type: ignore[arg-type]
+
+
+def test_a_camera_that_sways_is_held_by_hand_though_the_light_changes() -> None:
+    lights = [1.0 + 0.05 * np.sin(0.1 * k) for k in range(80)]
+    sway = 2.0 * np.sin(0.3 * np.arange(80.0))
+    grid = [wall(160, 260)[:, 10 + round(part) : 250 + round(part)] for part in sway]
+    pictures = [
+        exposed(part * light, 1.0, k)
+        for k, (part, light) in enumerate(zip(grid, lights, strict=True))
+    ]
+    assert FilmedScene(Footage(PaintedClip(pictures))).hand_held  # type: ignore[arg-type]
+
+
 def test_the_scene_is_lit_as_each_frame_is_however_many_were_looked_at_since() -> None:
     dim = np.linspace(1.0, 0.7, 60)
     bright = wall(120, 240)
