@@ -612,7 +612,7 @@ class _Smears:
         for direction in (-1, 1):
             for end in self._ends(direction):
                 self._go_on(end, direction)
-        return self._merged()
+        return trusted_rows(self._merged())
 
     def _ends(self, direction: int) -> list[int]:
         """Frames that stand, of which it went fast, and beyond which nothing is known."""
