@@ -296,7 +296,9 @@ def motion_seen(tracks: Tracks) -> str:
         return _FEW_PICTURES.format(seen, MIN_FALL_ROWS)
     if motion.kind is MotionKind.NONE:
         return NO_MOTION
-    doubt = f" with a probability of only {motion.probability:.2f}" if motion.is_doubtful else ""
+    doubt = ", of which no quantity is measured" if motion.measured_as is MotionKind.NONE else ""
+    if motion.is_doubtful:
+        doubt = f" with a probability of only {motion.probability:.2f}"
     return f"the motion is a {motion.kind.noun}{doubt}"
 
 

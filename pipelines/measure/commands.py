@@ -676,7 +676,7 @@ def _require_something(measured: ClipMeasurement, path: Path) -> None:
     named = [(item, kinds_of(item.name)) for item in measured.quantities]
     own = [item for item, kinds in named if kind in kinds and len(kinds) < len(MotionKind)]
     said = [item.reason for item in own or measured.quantities if item.reason]
-    seen = [motion_seen(measured.tracks)] if measured.motion.kind is MotionKind.NONE else []
+    seen = [motion_seen(measured.tracks)] if kind is MotionKind.NONE else []
     reasons = dict.fromkeys([*seen, *said])
     # "it needs a strike, but …" repeats the cause
     causes = [one for one in reasons if not any(one.endswith(f", but {o}") for o in reasons)]
