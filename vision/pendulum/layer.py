@@ -556,6 +556,8 @@ def segmented(
     opacity = np.where(inner[row, column], 1.0, opacity)
     edge = (cv2.dilate(member.astype(np.uint8), _disc(1)) > 0) & (weights > 0.0)
     kept = (opacity > _MIN_OPACITY) & edge[row, column]
+    if not kept.any():
+        return patch
     return Patch(patch.x[kept], patch.y[kept], own[kept], opacity[kept])
 
 
