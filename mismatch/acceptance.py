@@ -338,7 +338,7 @@ def smooth_structure(forward: Forward, best: Hypothesis) -> float:
     Scored to first order around the fit; its size is the one of highest evidence.
     """
     held = {member.key for member in best.members}
-    pool = [Candidate(effect, (), 1) for effect in smooth_fields(forward)]
+    pool = [Candidate(effect) for effect in smooth_fields(forward)]
     pool = [one for one in pool if one.key not in held]
     if not pool:
         return 0.0

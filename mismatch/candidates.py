@@ -77,13 +77,10 @@ class Candidate:
         What may be missing.
     shape : tuple of (name, value)
         Values of its shapes.
-    tries : int
-        How many shapes of this effect are tried in all.
     """
 
     effect: Effect
-    shape: tuple[tuple[str, float], ...]
-    tries: int
+    shape: tuple[tuple[str, float], ...] = ()
 
     @property
     def id(self) -> str:
@@ -241,7 +238,7 @@ def _at_every_shape(fitted: Effect, forward: Forward) -> list[Candidate]:
             )
         for combination in combinations:
             shape = tuple((p.name, v) for p, v in zip(shapes, combination, strict=True))
-            found.append(Candidate(at, shape, len(combinations)))
+            found.append(Candidate(at, shape))
     return found
 
 
@@ -279,8 +276,6 @@ PATIENCE = 60.0
 
 """s that one effect may take for a single prediction of a campaign, which takes about one."""
 
-UNCATALOGUED_ID = "unnamed"
-
 
 def refuse_unusable(effect: Effect) -> None:
     """Refuse an effect that can't be fitted, whatever the campaign.
@@ -298,7 +293,7 @@ def refuse_unusable(effect: Effect) -> None:
         _refuse(effect, "leaves no strength open, so there is nothing to fit",
                 "Give it a Parameter without a grid.")  # fmt: skip
     taken = [known for known in CATALOGUE.get(effect.id, ()) if known.form == effect.form]
-    if taken or effect.id == UNCATALOGUED_ID:
+    if taken or effect.id == EffectId.UNNAMED:
         _refuse(effect, "takes an id that the catalogue has",
                 "Give it an id of its own, or, as another form of that law, a `form`.")  # fmt: skip
     try:

@@ -464,7 +464,7 @@ def table_candidates(
         names = [p.name for p in effect.shapes]
         for values in combinations:
             shape = tuple(zip(names, values, strict=True))
-            found.append(Candidate(effect, shape, len(combinations)))
+            found.append(Candidate(effect, shape))
     return _with_a_trace(forward, model, found)
 
 

@@ -273,7 +273,7 @@ def loose_candidates(
     for effect, values in fit.model.entries:
         if any(effect is one for one in laws):
             errors = form_errors(forward, effect, values)
-            found += [Candidate(error, (), 1) for error in errors]
+            found += [Candidate(error) for error in errors]
             sizes += [effect.looseness] * len(errors)
     return tuple(found), np.array(sizes)
 
@@ -589,11 +589,6 @@ class Hypothesis:
         )
 
     @property
-    def rarity(self) -> float:
-        """What its laws pay for being rare: odds that no misfit makes more even."""
-        return sum(member.rarity for member in self.members)
-
-    @property
     def prior_penalty(self) -> float:
         """What the fitted strengths cost by their priors (chi-square units at no misfit)."""
         added = [member.effect for member in self.members]
@@ -710,7 +705,9 @@ def fit_hypothesis(
         # wrong, and small strengths are the surer start.
         held = [effect for effect, _ in origin.model.entries]
         small = [
-            values if any(member.effect is one for one in held) else _neutral_strengths(member)
+            values
+            if any(member.effect is one for one in held)
+            else np.array([p.neutral for p in member.effect.strengths])
             for member, values in zip(members, strengths, strict=True)
         ]
         alike = all(np.array_equal(*two) for two in zip(small, strengths, strict=True))
@@ -777,7 +774,7 @@ def as_fitted(members: Sequence[Candidate], fit: Fit) -> tuple[list[Candidate], 
     for member in members:
         held = next(v for e, v in fit.model.entries if e is member.effect)
         shape = tuple((p.name, float(held[p.name])) for p in member.effect.shapes)
-        found.append(Candidate(member.effect, shape, member.tries))
+        found.append(Candidate(member.effect, shape))
         strengths.append(np.array([held[p.name] for p in member.effect.strengths]))
     return found, strengths
 
@@ -807,10 +804,6 @@ def _fitted_from(
     return fit_with_levels(forward, model, free, point, rounds=rounds, swing=swing, abandon=abandon)
 
 
-def _neutral_strengths(member: Candidate) -> FloatArray:
-    return np.array([p.neutral for p in member.effect.strengths])
-
-
 SURELY = 3.0
 """Standard uncertainties from which a drag coefficient is below the least that bodies have."""
 
@@ -838,7 +831,7 @@ def _airless(forward: Forward, fit: Fit, added: Sequence[Effect]) -> bool:
             return False
         value, std = float(values[EffectId.DRAG][DRAG_STRENGTH]), 0.0
     else:
-        scored = scan_beyond_forms(forward, fit, added, 1.0, [Candidate(Drag(), (), 1)])
+        scored = scan_beyond_forms(forward, fit, added, 1.0, [Candidate(Drag())])
         std = float(scored.information[0, 0] ** -0.5)
         value = float(scored.start[0] + scored.score[0] * std**2)
     if fallen is not None:

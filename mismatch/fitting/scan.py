@@ -489,15 +489,6 @@ class Scan:
                 return False
         return True
 
-    def gains(self) -> FloatArray:
-        """(candidates,) chi-square taken away by each alone; −inf where nature forbids it."""
-        result = np.full(len(self.candidates), -np.inf)
-        for index in range(len(self.candidates)):
-            gain, values = self.gain(index)
-            if self.allowed(index, values):
-                result[index] = gain
-        return result
-
 
 def price(block: FloatArray, held: FloatArray) -> float:
     """What the evidence asks for weights held by a prior, chi-square units; 0 for free strengths.

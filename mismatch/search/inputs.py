@@ -122,7 +122,7 @@ def _beside(forward: Forward, base: Fit, found: Hypothesis | None, inputs: Effec
     """
     members, strengths = ([], []) if found is None else as_fitted(found.members, found.fit)
     start = None if found is None else found.fit
-    blank = Candidate(inputs, (), 1)
+    blank = Candidate(inputs)
     h = fit_hypothesis(
         forward, base, [*members, blank], [*strengths, np.zeros(len(inputs.parameters))],
         start=start,

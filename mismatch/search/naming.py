@@ -1301,7 +1301,7 @@ def _posterior(
     middles: FloatArray,
     channels: tuple[str, ...],
 ) -> list[LatentForce]:
-    scored = scan(forward, base, [Candidate(hat, (), 1) for hat in hats])
+    scored = scan(forward, base, [Candidate(hat) for hat in hats])
     n = middles.size
     # Second differences are penalised; the weight is the one of highest evidence.
     second = np.diff(np.eye(n), n=2, axis=0)

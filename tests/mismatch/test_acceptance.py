@@ -49,7 +49,7 @@ def _fit(law, values, chi2=100.0):
 def _answer(ids, gain, chi2=100.0, form=EXACT):
     law = [CATALOGUE[one][0] for one in ids]
     fit = _fit(law, [effect.neutral for effect in law], chi2)
-    return Hypothesis(tuple(Candidate(effect, (), 1) for effect in law), fit, gain, form)
+    return Hypothesis(tuple(Candidate(effect) for effect in law), fit, gain, form)
 
 
 @pytest.mark.parametrize(
@@ -283,7 +283,7 @@ def test_a_pair_far_ahead_of_one_of_its_names_is_not_replaced_by_it(behind, test
 def test_a_name_has_no_more_than_its_share_where_usual_errors_are_ahead(lead, monkeypatch):
     monkeypatch.setattr("mismatch.acceptance.smooth_structure", lambda forward, best: 0.0)
     pair = _answer(("support_friction", "lens_distortion"), 200.0)
-    members = (pair.members[0], Candidate(usual_inputs((), ()), (), 1))
+    members = (pair.members[0], Candidate(usual_inputs((), ())))
     instead = replace(pair, members=members)
     instead = replace(instead, gain=200.0 + pair.penalised_gain + lead - instead.penalised_gain)
     naming = Naming(pair, (pair, instead), 12.0, SimpleNamespace(candidates=()))
@@ -361,7 +361,7 @@ def test_sets_of_other_sizes_stand_in_the_group_of_what_they_replace():
 def test_instants_chosen_in_each_trial_are_doubted_where_choosing_them_is_the_gain():
     """A careful laboratory had dropped_frames 0.82: a twentieth of a frame in each trial."""
     jump = DroppedInEach(instants=(0.1, 0.2, 0.1, 0.3), search_cost=100.0)
-    law = replace(_answer(("magnus",), 114.0), members=(Candidate(jump, (), 1),))
+    law = replace(_answer(("magnus",), 114.0), members=(Candidate(jump),))
     forward = SimpleNamespace(records=SimpleNamespace(remembers=False, tell_memory=True))
     assert _own_like_noise(forward, law)
     assert not _own_like_noise(forward, replace(law, gain=400.0))

@@ -129,7 +129,7 @@ def test_model_discrepancy_covers_other_forms_but_not_swings():
     magnus, friction = CATALOGUE["magnus"][0], CATALOGUE["bearing_friction"][0]
     forward, fit = fitted_with(magnus, (Steeper(), {"a": 0.3}), noise=2e-4)
     left = {
-        law.id: left_by_forms(forward, fit, [magnus], Candidate(law, (), 1))
+        law.id: left_by_forms(forward, fit, [magnus], Candidate(law))
         for law in (Steeper(), friction)
     }
     over = fit.chi2 - fit.expected
@@ -143,12 +143,12 @@ def test_model_discrepancy_grows_with_the_square_of_the_strength():
     left = []
     for spin in (7.0, 14.0):
         forward, fit = fitted_with(magnus, (magnus, {"spin": spin}), noise=2e-4)
-        left.append(left_by_forms(forward, fit, [magnus], Candidate(Steeper(), (), 1)))
+        left.append(left_by_forms(forward, fit, [magnus], Candidate(Steeper())))
     assert left[1] / left[0] == pytest.approx(4.0, rel=0.3)
 
 
 def test_without_model_discrepancy_the_misfit_is_unrestricted():
     exact = replace(CATALOGUE["magnus"][0], looseness=0.0)
     forward, fit = fitted_with(exact, (exact, {"spin": 14.0}))
-    friction = Candidate(CATALOGUE["bearing_friction"][0], (), 1)
+    friction = Candidate(CATALOGUE["bearing_friction"][0])
     assert left_by_forms(forward, fit, [exact], friction) == np.inf

@@ -40,7 +40,7 @@ def pushed():
 
 
 def _fitted(known, identity):
-    candidate = Candidate(CATALOGUE[identity][0], (), 1)
+    candidate = Candidate(CATALOGUE[identity][0])
     start = np.array([p.neutral for p in candidate.effect.strengths])
     return fit_hypothesis(known.forward, known.fit, [candidate], [start])
 
@@ -71,7 +71,7 @@ def _fitted_law(effect, values, stds, gain):
         model, np.zeros((12, 4)), np.zeros((1, 2)), 6700.0, 0.0, 6700, 6700.0,
         free_parameters(model), np.diag(np.square(stds)), np.zeros((12, 600)),
     )  # fmt: skip
-    return Hypothesis((Candidate(effect, (), 1),), fit, gain)
+    return Hypothesis((Candidate(effect),), fit, gain)
 
 
 @pytest.mark.parametrize(

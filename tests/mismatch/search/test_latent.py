@@ -48,7 +48,7 @@ def test_the_missing_force_follows_a_change_of_sign(blown):
 
 
 def test_laws_of_one_class_and_id_are_separate_in_a_scan(blown):
-    laws = [Candidate(Blown(lag=lag), (), 1) for lag in (0.0, 1.2)]
+    laws = [Candidate(Blown(lag=lag)) for lag in (0.0, 1.2)]
     scored = scan(blown.forward, blown.fit, laws)
     correlation = scored.information[0, 1] / np.sqrt(np.prod(np.diag(scored.information)))
     assert abs(correlation) < 0.9
