@@ -421,13 +421,9 @@ def tracks_in_metres(
     first, last = _rest_frames(tracks)
     direction = flight_direction(tracks)
     flip = np.array([direction, 1.0])
-    ball = tracks.ball
+    ball, pendulum = tracks.ball, tracks.pendulum
     position, covariance = mapping.ball(ball.centre_px, ball.covariance_px2)
-    still = (ball.frame >= first) & (ball.frame <= last)
-    std = np.sqrt(np.diagonal(covariance[still], axis1=1, axis2=2)).mean(axis=0)
-    residual_std = position[still].std(axis=0) if still.sum() > 3 else std
-    pendulum = tracks.pendulum
-    rest = np.median(position[still], axis=0)
+    rest, rest_std = _at_rest(position, covariance, (ball.frame >= first) & (ball.frame <= last))
     moved = np.array(pivot_moved_px)
     swing = _swing(pendulum, mapping, direction, zero_rad, moved)
     if pendulum is not None and length is not None:
@@ -435,7 +431,6 @@ def tracks_in_metres(
         further = _left_open(swing, pendulum, rest * flip, last, length)
         swing = _swing(pendulum, mapping, direction, zero_rad, moved, further)
     radius = mapping.across(ball.centre_px, ball.radius_px)
-    scale = radius / float(np.median(ball.radius_px))
     eye = mapping.eye()
     eye = None if eye is None else eye * np.append(flip, 1.0)
     slope = None if eye is None else float((rest[0] * direction - radius - eye[0]) / eye[2])
@@ -445,8 +440,7 @@ def tracks_in_metres(
         ball_m=position * flip,
         ball_cov_m2=covariance * np.outer(flip, flip),
         rest_m=rest * flip,
-        # the common error of a ball at rest does not average out over its frames
-        rest_std_m=np.hypot(np.maximum(std, residual_std), REST_STD_PX * scale),
+        rest_std_m=np.hypot(rest_std, REST_STD_PX * (radius / float(np.median(ball.radius_px)))),
         pivot_m=swing.pivot,
         swing_time_s=np.zeros(0) if pendulum is None else time_s[pendulum.track.frame],
         swing_rad=swing.angle,
@@ -464,6 +458,15 @@ def tracks_in_metres(
         scaled_by_wall=mapping.scaled_by_wall,
         landing=_stated_landing(tracks.landing_px, mapping, flip),
     )
+
+
+def _at_rest(
+    position: FloatArray, covariance: FloatArray, still: NDArray[np.bool_]
+) -> tuple[FloatArray, FloatArray]:
+    """Median position of rest, and its std; errors common to the frames do not average out."""
+    std = np.sqrt(np.diagonal(covariance[still], axis1=1, axis2=2)).mean(axis=0)
+    residual_std = position[still].std(axis=0) if still.sum() > 3 else std
+    return np.median(position[still], axis=0), np.maximum(std, residual_std)
 
 
 STATED_STD_PX = 1.0

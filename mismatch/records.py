@@ -1102,6 +1102,21 @@ def _alike(channels: Sequence[Spectrum]) -> Spectrum:
     )
 
 
+def _channel_of(records: Records, channel: int) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Times, values and use of a coordinate of the ball (0 to 2) or of the pendulum's angle (3)."""
+    if channel < 3:
+        return records.ball_time, records.position[..., channel], records.ball_used[..., channel]
+    return records.pendulum_time, records.pendulum_angle, records.pendulum_used
+
+
+def _memory(fits: dict[int, SpectrumFit]) -> dict[int, Spectrum]:
+    """Spectra of the channels of one tracker: if one has memory, others need less evidence."""
+    remembers = any(one.chosen(SIGNIFICANT).share > 0.0 for one in fits.values())
+    shared = shared_deviance(list(fits.values())) if remembers else None
+    level = LIKELY if remembers else SIGNIFICANT
+    return {channel: one.chosen(level, shared) for channel, one in fits.items()}
+
+
 def estimate_noise(
     records: Records,
     ball_segments: FloatArray,
@@ -1141,12 +1156,8 @@ def estimate_noise(
     parts: list[NDArray[np.bool_]] = []
     fits: dict[int, SpectrumFit] = {}
     for channel in range(4):
-        if channel < 3:
-            time, value = records.ball_time, records.position[..., channel]
-            used, segments = records.ball_used[..., channel], ball_segments
-        else:
-            time, value = records.pendulum_time, records.pendulum_angle
-            used, segments = records.pendulum_used, pendulum_segments
+        segments = ball_segments if channel < 3 else pendulum_segments
+        time, value, used = _channel_of(records, channel)
         sums, outliers = _channel(time, value, used, segments)
         parts.append(outliers)
         mine = np.maximum(_by_trial(sums), floor[channel // 3])
@@ -1157,16 +1168,11 @@ def estimate_noise(
             )
             if one is not None:
                 fits[channel] = one
-    if throughout and len(fits) < int(np.isfinite(sigma).all(axis=0).sum()):
-        fits = {}
-    # One tracker saw all channels: where one shows memory, less is needed to believe it of others.
-    remembers = any(one.chosen(SIGNIFICANT).share > 0.0 for one in fits.values())
-    shared = shared_deviance(list(fits.values())) if remembers else None
-    found = {c: one.chosen(LIKELY if remembers else SIGNIFICANT, shared) for c, one in fits.items()}
+    seen = np.flatnonzero(np.isfinite(sigma).all(axis=0)).tolist()
+    found = {} if throughout and len(fits) < len(seen) else _memory(fits)
     if still and found and all(one.share > 0.0 for one in found.values()):
         # The memory of a channel that something bends is taken from the others.
-        seen = np.flatnonzero(np.isfinite(sigma).all(axis=0))
-        found = dict.fromkeys(seen.tolist(), _alike(list(found.values()))) | found
+        found = dict.fromkeys(seen, _alike(list(found.values()))) | found
     for channel, spectrum in found.items():
         if spectrum.share > 0.0:
             # A local polynomial swallows part of correlated noise; the spectrum sees it all.

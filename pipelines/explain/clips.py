@@ -663,39 +663,34 @@ def campaign_from_clips(
 
     _refuse_same_names(clips)
     known, setup = facts or {}, with_rig(setup)
-    trials: list[Trial] = []
-    widths: list[dict[str, float]] = []
-    faults: list[tuple[Effect, ...]] = []
-    clear: list[tuple[float, float, float]] = []
+    found: list[tuple[Trial, ClipMeasurement]] = []
     notes: list[str] = []
-    refused: list[tuple[Path, ClipError | MeasurementError]] = []
+    refused: dict[Path, ClipError | MeasurementError] = {}
     for path in clips:
         about = known.get(path.stem, ClipFacts())
         try:
             measured = (measure or measure_clip)(path, MeasureOptions(setup=setup, ball=about.ball))
             trial, said = trial_of(path.stem, measured, setup, about)
         except (ClipError, MeasurementError) as problem:
-            refused.append((path, problem))
+            refused[path] = problem
             continue
-        trials.append(trial)
-        clear.append(clear_interval(measured, setup))
-        widths.append(calibration_widths(measured))
-        faults.append(clip_faults(measured))
+        found.append((trial, measured))
         notes += [f"{path.name}: {text}" for text in said]
-    if not trials:
-        raise refused[0][1]
-    left_out = [f"{path.name} could not be measured: {why.message}" for path, why in refused]
-    told = all(_struck(trial, setup) for trial in trials)
-    trials = [_seen_clearly(t, c) for t, c in zip(trials, clear, strict=True)]
+    if not found:
+        raise next(iter(refused.values()))
+    missed = [f"{path.name} could not be measured: {why.message}" for path, why in refused.items()]
+    told = all(_struck(trial, setup) for trial, _ in found)
+    trials = [_seen_clearly(trial, clear_interval(one, setup)) for trial, one in found]
+    faults = [clip_faults(one) for _, one in found]
     if not (strikes and told):
         # without a whole strike, the swing can't be compared
         trials = [_flight_only(trial) for trial in trials]
         faults = [tuple(f for f in one if isinstance(f, WanderingCentre)) for one in faults]
         notes.insert(0, _why_flights(told))
-    common = common_widths(widths)
+    common = common_widths([calibration_widths(one) for _, one in found])
     level = frozenset() if "camera_roll" in common else frozenset({ROLL_OF_THE_CLIP})
     return ClipCampaign(
-        tuple(trials), (*left_out, *notes), common, instruments=common_faults(faults),
+        tuple(trials), (*missed, *notes), common, instruments=common_faults(faults),
         assumed=level,
     )  # fmt: skip
 
