@@ -26,6 +26,7 @@ from pipelines.app.openings import free_place
 from pipelines.campaign.conduct import CampaignOptions, conduct, results_folder
 from pipelines.campaign.ledger import Entry, Ledger, State
 from pipelines.campaign.results import read_lab_book
+from pipelines.campaign.run import find_clips
 from pipelines.report.inputs import for_people
 from pipelines.terminal import as_typed
 
@@ -217,6 +218,18 @@ class FolderSession:
             raise
         return place.name
 
+    def sheet(self) -> str:
+        """The lab book in use as text; without one, a row for each clip, its cells to be filled."""
+        assert self.clips is not None
+        place = self.clips / self.inputs.trials
+        try:
+            if place.suffix == ".csv":
+                return read_small_text(place, what="the lab book")
+            rows = [f"{one.name}\t\t\t" for one in find_clips([self.clips])]
+        except ImpactVisionError:
+            return ""
+        return "\n".join(["clip\tball\tbackswing_deg\tsession", *rows])
+
     def finish(self) -> None:
         """Wait until nothing is being measured any more."""
         while self.running:
@@ -278,7 +291,9 @@ class FolderSession:
             If the ledger is damaged.
         """
         if not self._has_ledger():
-            return FolderState({}, (), (), ())
+            clips = [] if self.clips is None else find_clips([self.clips])
+            cards = [ClipCard(one.name, str(one), State.WAITING) for one in clips]
+            return FolderState({State.WAITING: len(cards)}, tuple(cards), (), ())
         with Ledger(self.out) as ledger:
             counts = {str(key): number for key, number in ledger.counts().items()}
             pointed = ledger.points()

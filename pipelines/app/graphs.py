@@ -1,6 +1,6 @@
 """Graphs of a measurement as ECharts options; each point carries its frame."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -58,8 +58,14 @@ class Graph:
     over_time: bool
     series: tuple[dict[str, Any], ...]
 
-    def options(self) -> dict[str, Any]:
-        """ECharts options; colours of text and lines are the page's."""
+    def options(self, word: Callable[[str], str] = str) -> dict[str, Any]:
+        """ECharts options; colours of text and lines are the page's.
+
+        Parameters
+        ----------
+        word : callable
+            Translates names of axes and series.
+        """
         axis = {
             "type": "value",
             "scale": True,
@@ -73,15 +79,16 @@ class Graph:
         if self.y.endswith(DOWN) and not self.over_time:
             # as in the picture
             height = {**height, "inverse": True}
+        named = [{**one, "name": word(one["name"])} for one in self.series]
         return {
             "animation": False,
             "legend": {"type": "scroll", "top": 0, "left": 0, "itemWidth": 12},
             "grid": {"left": 56, "right": 14, "top": 32, "bottom": 42},
             "tooltip": {"trigger": "item"},
             "dataZoom": [{**zoom, "xAxisIndex": 0}, {**zoom, "yAxisIndex": 0}],
-            "xAxis": {**axis, **width, "name": self.x, "nameGap": 26},
-            "yAxis": {**axis, **height, "name": self.y, "nameGap": 42},
-            "series": [*self.series, {"id": "cursor", "name": "", "type": "line", "data": []}],
+            "xAxis": {**axis, **width, "name": word(self.x), "nameGap": 26},
+            "yAxis": {**axis, **height, "name": word(self.y), "nameGap": 42},
+            "series": [*named, {"id": "cursor", "name": "", "type": "line", "data": []}],
         }
 
 
@@ -236,4 +243,4 @@ def _angles(table: "pd.DataFrame") -> list[Graph]:
     time, phi = own["t_s"].to_numpy(np.float64), np.degrees(own["phi_rad"].to_numpy(np.float64))
     rows = _rows(time, phi, own["frame"].to_numpy(np.float64))
     name = str(own["object"].iloc[0])
-    return [Graph("angle", "t / s", "angle / °", True, (_points(name, rows, 0),))]
+    return [Graph("angle", "t / s", "angle / °", True, (_points(name, rows, 1),))]

@@ -48,6 +48,7 @@ class AppWindow:
         ui.page_title(self.say("title"))
         self._dark = ui.dark_mode(self.session.dark)
         ui.on("vision_page", lambda event: self._turn(str(event.args)))
+        ui.on("vision_dark", lambda event: self._begin_as_system(bool(event.args)))
         for name in ("moved", "pointed", "span", "undo", "redo"):
             ui.on(f"vision_{name}", lambda event, name=name: self._on_viewer(name, event))
         with ui.column().classes("w-full gap-0"):
@@ -76,8 +77,8 @@ class AppWindow:
             ui.space()
             language = ui.select(LANGUAGES, value=session.language, on_change=self._speak)
             language.props(f'dense borderless aria-label="{say("language")}" data-test=language')
-            dark = ui.switch(say("dark"), value=bool(session.dark), on_change=self._darken)
-            dark.props("dense data-test=dark")
+            self._switch = ui.switch(say("dark"), value=bool(session.dark), on_change=self._darken)
+            self._switch.props("dense data-test=dark")
             ui.button(say("close"), on_click=self._quit).props("flat dense data-test=quit")
 
     @ui.refreshable_method
@@ -90,7 +91,7 @@ class AppWindow:
             self._page.build()
         elif session.page == "folder" and session.folder_session is not None:
             folder = session.folder_session
-            FolderPage(folder, say, session.language, self._open_of_folder).build()
+            FolderPage(folder, say, self._open_of_folder).build()
         elif session.page == "setup" and session.clip is not None:
             self._page = SetupPage(session.clip, session.jobs, say, partial(self.go, "clip"))
             self._page.build()
@@ -145,7 +146,11 @@ class AppWindow:
     def _darken(self, event: Any) -> None:
         self.session.dark = bool(event.value)
         self._dark.set_value(self.session.dark)
-        ui.run_javascript("visionViewer.repaint()")
+
+    def _begin_as_system(self, dark: bool) -> None:
+        """Set the switch as the system has it, unless it was used."""
+        if self.session.dark is None and self._switch.value != dark:
+            self._switch.value = dark
 
     def _quit(self) -> None:
         text = json.dumps(self.say("closed"))
@@ -177,6 +182,7 @@ new MutationObserver(visionName).observe(document.body, {childList: true, subtre
 window.visionShow = (page, language, drop) => {
   document.documentElement.lang = language;
   visionDrop = drop;
+  emitEvent("vision_dark", matchMedia("(prefers-color-scheme: dark)").matches);
   visionName();
   if (location.hash === "#" + page) return;
   history[location.hash ? "pushState" : "replaceState"](null, "", "#" + page);

@@ -106,9 +106,10 @@ viewer.marks = url => fetch(url).then(got => got.ok ? got.json() : empty()).then
 viewer.mode = mode => {
   if (!now) return;
   now.mode = mode;
-  const there = now.points.find(one => one.kind === mode);
+  const ball = mode === "outline" && now.marks.objects.find(one => one.kind === "ball");
+  const there = ball || now.points.find(one => one.kind === mode), row = there && there.rows.get(now.shown);
   now.cross = !mode ? null
-    : there ? [there.x[0], there.y[0]] : [(now.width - 1) / 2, (now.height - 1) / 2];
+    : there && row >= 0 ? [there.x[row], there.y[row]] : [(now.width - 1) / 2, (now.height - 1) / 2];
   now.stage.classList.toggle("vs-pointing", Boolean(mode));
   if (mode) now.stage.focus({preventScroll: true});
   draw();
@@ -357,14 +358,12 @@ function paint(chart) {
   const axis = {axisLabel: {color}, nameTextStyle: {color}, axisLine: line, axisTick: line};
   chart.setOption({legend: {textStyle: {color}}, xAxis: axis, yAxis: axis});
 }
-viewer.repaint = () => {
-  // the class of the body changes first
-  setTimeout(() => {
-    if (!now) return;
-    for (const one of now.charts) if (one.chart) paint(one.chart);
-    cursors();
-  }, 60);
-};
+// light or dark is a class of the body, by the switch or by the system
+new MutationObserver(() => {
+  if (!now) return;
+  for (const one of now.charts) if (one.chart && !one.chart.isDisposed()) paint(one.chart);
+  cursors();
+}).observe(document.body, {attributes: true, attributeFilter: ["class"]});
 function nearest(one, event) {
   let best = null, least = Infinity;
   for (const row of one.points) {

@@ -3,11 +3,21 @@
 import os
 import re
 from collections.abc import Callable
+from functools import cache
 
 from pipelines.api.wording import in_fields
 from pipelines.report.inputs import quantity_label
 
-__all__ = ["LANGUAGES", "Say", "hint_of", "label_of", "on_page", "says", "users_language"]
+__all__ = [
+    "LANGUAGES",
+    "Say",
+    "hint_of",
+    "label_of",
+    "on_page",
+    "says",
+    "translated",
+    "users_language",
+]
 
 LANGUAGES = {"en": "English", "de": "Deutsch"}
 """Languages by code."""
@@ -16,6 +26,7 @@ Say = Callable[..., str]
 """Text of a key; values fill its gaps."""
 
 _TEXTS: dict[str, tuple[str, str]] = {
+    "code": ("en", "de"),
     "title": ("Impact vision", "Impact vision"),
     "open": ("Open", "Öffnen"),
     "clip": ("Clip", "Aufnahme"),
@@ -60,6 +71,7 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "this_ball": ("This is the ball", "Das ist der Ball"),
     "this_mass": ("This is the pendulum", "Das ist das Pendel"),
     "ignore": ("Ignore this", "Das nicht"),
+    "move_outline": ("Move the outline", "Umriss verschieben"),
     "pivot": ("Pivot", "Drehachse"),
     "axes": ("Axes", "Achsen"),
     "stick": ("Calibration stick", "Maßstab im Bild"),
@@ -104,6 +116,7 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "kind_circle": ("circle", "Kreisbewegung"),
     "kind_carried": ("carried motion", "geführte Bewegung"),
     "kind_none": ("none of the known", "keine bekannte"),
+    "set_up_there": ("Fill in “{what}” on page Set up", "„{what}“ auf Seite Einrichten ausfüllen"),
     "inputs_note": (
         "Distances, the pendulum and the air are in the set-up file, which page Set up writes.",
         "Abstände, Pendel und Luft stehen in der Einrichtungsdatei der Seite Einrichten.",
@@ -156,7 +169,10 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "gap": ("Gap between pendulum and ball", "Spalt zwischen Pendel und Ball"),
     "angle": ("Angle of the pendulum", "Winkel des Pendels"),
     "open_title": ("Open a clip", "Eine Aufnahme öffnen"),
-    "drop": ("Drop a clip here, or choose it with +", "Aufnahme hierher ziehen, oder mit + wählen"),
+    "drop": (
+        "Drop a clip here, or choose it with +; several become a folder",
+        "Aufnahme hierher ziehen, oder mit + wählen; mehrere werden ein Ordner",
+    ),
     "drop_note": (
         "It stays on this computer: a dropped clip is copied to {folder}.",
         "Sie bleibt auf diesem Rechner: eine Kopie kommt nach {folder}.",
@@ -226,6 +242,7 @@ _TEXTS: dict[str, tuple[str, str]] = {
     ),
     "paste_use": ("Use as lab book", "Als Laborbuch verwenden"),
     "measure_all": ("Measure all", "Alle messen"),
+    "cor_axis": ("COR", "Stoßzahl"),
     "cor_graph": ("Restitution against impact speed", "Stoßzahl über Stoßgeschwindigkeit"),
     "cor_note": ("A click on a point opens its clip.", "Ein Klick öffnet die Aufnahme."),
     "film_more": (
@@ -253,7 +270,6 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "state_running": ("being measured", "wird gemessen"),
     "state_done": ("measured, without these numbers", "gemessen, ohne diese Zahlen"),
     "state_failed": ("failed", "misslungen"),
-    "uncertain_motion": ("Motion uncertain: {kind}", "Bewegung unsicher: {kind}"),
     "pointed": ("Ball selected at {at} px", "Ball gewählt bei {at} px"),
     "bad": ("Bad: {why}", "Schlecht: {why}"),
     "why_bad": ("Why this trial is bad", "Warum dieser Versuch schlecht ist"),
@@ -279,7 +295,12 @@ _TEXTS: dict[str, tuple[str, str]] = {
         "Residuals before and after, and the missing force",
         "Abweichungen vorher und nachher, und die fehlende Kraft",
     ),
-    "why_all": ("Everything that was tried", "Alles, was versucht wurde"),
+    "why_report": ("Report of the comparison", "Bericht über den Vergleich"),
+    "why_report_note": (
+        "Recording and models, residuals, formula, proof, what was tried, what to measure next.",
+        "Aufnahme und Modelle, Abweichungen, Formel, Beweis, Versuchtes, was als Nächstes zu messen"
+        " ist.",
+    ),
     "setup_of": ("Set-up of {name}", "Einrichtung von {name}"),
     "opening_clip": ("Opening the clip, searching wall grid and ball", "Aufnahme wird geöffnet"),
     "computing": ("Computing the uncertainty", "Unsicherheit wird berechnet"),
@@ -435,7 +456,211 @@ _GERMAN_LABELS = {
     "cor_bounce": "Stoßzahl des ersten Aufpralls",
     "roll_acceleration": "Beschleunigung entlang der Bahn",
     "roll_speed": "Geschwindigkeit im ersten Bild des Rollens",
+    "speed_before": "Geschwindigkeit davor, des ruhenden Balls",
+    "speed_after": "Geschwindigkeit danach, des ruhenden Balls",
+    "other_speed_before": "Geschwindigkeit davor, des anderen Balls",
+    "other_speed_after": "Geschwindigkeit danach, des anderen Balls",
+    "cor_collision": "Stoßzahl entlang der Verbindung der Mitten",
 }
+
+_MESSAGES = (
+    (
+        "No pendulum given: the one of Ryu et al. (6.0 kg, 1.579 kg m²) is assumed. COR,"
+        " impulse and energy hold only for that pendulum. Set [pendulum] in the setup file.",
+        "Kein Pendel angegeben: das von Ryu et al. (6,0 kg, 1,579 kg m²) ist angenommen."
+        " Stoßzahl, Kraftstoß und Energie gelten nur für dieses. „Pendel“ auf der Seite"
+        " Einrichten ausfüllen.",
+    ),
+    (
+        "No support height given: 0.312 m (Ryu et al.) is assumed. Landing and its COR hold"
+        " only for that height. Set [support] height in the setup file.",
+        "Keine Höhe der Auflage angegeben: 0,312 m (Ryu et al.) ist angenommen. Landung und"
+        " ihre Stoßzahl gelten nur für diese Höhe. „Höhe der Auflage“ auf der Seite"
+        " Einrichten ausfüllen.",
+    ),
+    (
+        "No grid pitch given: squares of {} mm (Ryu et al.) are assumed. Every length is"
+        " proportional to it. Pass --wall-grid.",
+        "Kein Wandraster angegeben: Quadrate von {} mm (Ryu et al.) sind angenommen. Jede"
+        " Länge ist proportional dazu. --wall-grid ausfüllen.",
+    ),
+    (
+        "The camera's frame rate is not known: the file declares {}. {} fps are assumed."
+        " Times and speeds are given only if a free fall with a known scale determines the"
+        " rate. Pass --fps RATE, or set capture_fps in the setup file.",
+        "Die Bildrate der Kamera ist unbekannt: in der Datei steht {}. {} Bilder je Sekunde"
+        " sind angenommen. Zeiten und Geschwindigkeiten gibt es nur, wenn ein freier Fall mit"
+        " bekanntem Maßstab die Rate bestimmt. --fps ausfüllen.",
+    ),
+    ("no frame rate", "keine"),
+    ("{} frames per second", "{} Bilder je Sekunde"),
+    (
+        "Two facts are missing: the camera's rate and one length. Pass both, for example {}"
+        " Seen: {}.",
+        "Zwei Angaben fehlen: die Bildrate der Kamera und eine Länge, etwa --fps 240 und"
+        " --ball 220mm. Zu sehen: {1}.",
+    ),
+    (
+        "the ball is {} px wide and it falls with {} per picture squared",
+        "der Ball ist {} px breit und fällt mit {} je Bild im Quadrat",
+    ),
+    ("the ball is {} px wide", "der Ball ist {} px breit"),
+    ("it falls with {} per picture squared", "er fällt mit {} je Bild im Quadrat"),
+    (
+        "the motion is a {} with a probability of only {} (alternatives: {}): {}",
+        "die Bewegung ist nur mit der Wahrscheinlichkeit {1} „{0}“ (sonst: {2}): {3}",
+    ),
+    (
+        "the motion is a {} with a probability of only {}: {}",
+        "die Bewegung ist nur mit der Wahrscheinlichkeit {1} „{0}“: {2}",
+    ),
+    (
+        "its quantities hold only if it is a {}. Show more of the motion, or point at the"
+        " ball with another --ball-at.",
+        "die Größen gelten nur, wenn sie „{}“ ist. Mehr von der Bewegung zeigen, oder den"
+        " Ball mit --ball-at anderswo anklicken.",
+    ),
+    (
+        "its quantities are not given, since they would more probably be wrong than right."
+        " Show more of the motion, or point at the ball with another --ball-at; or state"
+        " --kind {}.",
+        "Größen fehlen, denn sie wären eher falsch als richtig. Mehr von der Bewegung zeigen,"
+        " den Ball mit --ball-at anderswo anklicken, oder --kind wählen.",
+    ),
+    ("the wall gives no calibration: {}", "die Wand ergibt keine Kalibrierung: {}"),
+    (
+        "the wall is nearly square to the camera, so its image gives only distance and focal"
+        " length together: measure the distance to the wall, or name a lens.toml in the setup"
+        " file",
+        "die Kamera steht fast senkrecht zur Wand, deren Bild nur Abstand und Brennweite"
+        " zusammen ergibt: den Abstand zur Wand messen, oder eine Objektivdatei angeben",
+    ),
+    (
+        "it falls nearly from rest, so its path has no angle at the first frame",
+        "er fällt fast aus der Ruhe, so dass die Bahn im ersten Bild keinen Winkel hat",
+    ),
+    (
+        "the capture rate is unknown and can't be estimated from free fall: give it with"
+        " --fps RATE, or capture_fps in the setup file",
+        "die Bildrate ist unbekannt und folgt aus keinem freien Fall: --fps ausfüllen",
+    ),
+    (
+        "neither a wall grid nor the ball's size gives a scale ({})",
+        "weder ein Wandraster noch die Größe des Balls ergibt einen Maßstab ({})",
+    ),
+    ("it could not be determined from this clip", "aus dieser Aufnahme nicht bestimmbar"),
+    (
+        "Likely cause: {} does not fit the rest ({}). With {} everything fits (χ² {} → {}): {}.",
+        "Wahrscheinliche Ursache: {} passt nicht zum Rest ({}). Mit {} passt alles (χ² {} →"
+        " {}): {}.",
+    ),
+    (
+        "Likely cause: {} does not fit the rest ({})",
+        "Wahrscheinliche Ursache: {} passt nicht zum Rest ({})",
+    ),
+    (
+        "no ball found: nothing round moves before a still background. {}",
+        "kein Ball gefunden: nichts Rundes bewegt sich vor ruhendem Hintergrund. Ist der Ball"
+        " wenigstens 5 Bildpunkte breit, ihn mit --ball-at anklicken.",
+    ),
+    (
+        "there is no file {}. {}",
+        "es gibt keine Datei {}. Den Pfad einer Aufnahme oder eines Ordners eingeben, oder"
+        " eine Aufnahme hierher ziehen.",
+    ),
+    (
+        "no clip is named. {}",
+        "keine Aufnahme genannt. Den Pfad eingeben, oder sie hierher ziehen.",
+    ),
+    (
+        "{} points are too few for a {}. Select {} or more.",
+        "{0} Punkte sind zu wenige: mindestens {2} wählen.",
+    ),
+    (
+        "the points do not determine a {}. {}",
+        "die Punkte bestimmen die Kurve nicht: einen längeren Abschnitt wählen.",
+    ),
+    ("gap / mm", "Spalt / mm"),
+    ("speed / {}", "Geschwindigkeit / {}"),
+    ("angle / °", "Winkel / °"),
+    ("{} (down)", "{} (nach unten)"),
+    ("gap", "Spalt"),
+    ("ball", "Ball"),
+    ("pendulum", "Pendel"),
+    ("ball {}", "Ball {}"),
+    ("pendulum {}", "Pendel {}"),
+    ("before contact", "vor dem Kontakt"),
+    ("after contact", "nach dem Kontakt"),
+    ("fitted flight", "angepasster Flug"),
+    ("swing before", "Schwingung davor"),
+    ("swing after", "Schwingung danach"),
+    ("strike", "Stoß"),
+    ("flight", "Flug"),
+    ("drop", "Fall"),
+    ("bounce", "Aufprall"),
+    ("swing", "Schwingung"),
+    ("roll {}", "Rollen {}"),
+    ("flight {}", "Flug {}"),
+    ("drop {}", "Fall {}"),
+    ("bounce {}", "Aufprall {}"),
+    ("swing {}", "Schwingung {}"),
+    ("noise of the tracks", "Rauschen der Bahnen"),
+    ("capture rate", "Bildrate"),
+    ("moment of release", "Zeitpunkt des Ablösens"),
+    ("onset and release between frames", "Beginn und Ende zwischen den Bildern"),
+    ("balance of rigid bodies", "Bilanz starrer Körper"),
+    ("inertia of the pendulum", "Trägheitsmoment des Pendels"),
+    ("length of the pendulum", "Länge des Pendels"),
+    ("mass of the pendulum", "Masse des Pendels"),
+    ("pivot to centre of mass", "Drehachse bis zum Schwerpunkt"),
+    ("depth of the mass' visible side", "Tiefe der sichtbaren Seite der Masse"),
+    ("zero of the pendulum's angle", "Nullpunkt des Pendelwinkels"),
+    ("pivot of the pendulum in the picture", "Drehachse im Bild"),
+    ("pendulum just after contact", "Pendel gleich nach dem Kontakt"),
+    ("direction of a round bob's contact", "Richtung des Kontakts einer Kugel"),
+    ("height of the support", "Höhe der Auflage"),
+    ("mass of the ball", "Masse des Balls"),
+    ("roll of the camera (no grid)", "Rollen der Kamera (ohne Raster)"),
+    ("tilt of the camera (no grid)", "Neigung der Kamera (ohne Raster)"),
+    ("scale of lengths", "Maßstab der Längen"),
+    ("depth of the motion's plane", "Tiefe der Bewegungsebene"),
+    ("drag of the air", "Luftwiderstand"),
+    (
+        "change of the acceleration along the line",
+        "Änderung der Beschleunigung entlang der Bahn",
+    ),
+    ("contradiction between estimates", "Widerspruch zwischen Schätzungen"),
+    ("grid lines", "Rasterlinien"),
+    ("pitch of the grid", "Abstand der Rasterlinien"),
+    ("lens not calibrated", "Objektiv nicht kalibriert"),
+    ("lens calibration", "Kalibrierung des Objektivs"),
+    ("measured camera distance", "gemessener Kameraabstand"),
+    ("measured ball plane offset", "gemessener Abstand der Ballebene"),
+    ("ball diameter", "Durchmesser des Balls"),
+    ("free fall", "freier Fall"),
+    ("assumed ball plane offset", "angenommener Abstand der Ballebene"),
+    ("ball in the picture", "Ball im Bild"),
+    ("contact time", "Kontaktzeit"),
+    ("measured camera position, x", "gemessener Ort der Kamera, x"),
+    ("measured camera position, y", "gemessener Ort der Kamera, y"),
+    ("measured axis foot, x", "gemessener Fußpunkt der Achse, x"),
+    ("measured axis foot, y", "gemessener Fußpunkt der Achse, y"),
+    ("variation between trials", "Streuung der Versuche"),
+    ("coefficient of restitution", "Stoßzahl"),
+    ("launch angle", "Abflugwinkel"),
+    ("back-swing", "Ausholwinkel"),
+    ("distance", "Abstand"),
+    ("effective mass", "wirksame Masse"),
+    ("drag coefficient", "Widerstandsbeiwert"),
+    ("air density", "Luftdichte"),
+    ("gravity", "Schwerkraft"),
+    ("support height", "Höhe der Auflage"),
+    ("ball mass", "Masse des Balls"),
+)
+"""Messages, sources of uncertainty and names in graphs in English and German, with {} for what
+differs. What is not here stays English."""
+
+_GERMAN_MESSAGES = dict(_MESSAGES)
 
 
 _QUANTITY_HINTS = {
@@ -496,11 +721,11 @@ _QUANTITY_HINTS = {
 """Explanations that are shown on hovering; an estimate of a quantity has that quantity's."""
 
 
-def hint_of(name: str, language: str) -> str:
+def hint_of(name: str, say: Say) -> str:
     """Explanation of a quantity; empty if its label says it all."""
     plain = name.removesuffix("_px")
     known = _QUANTITY_HINTS.get(plain) or _QUANTITY_HINTS.get(plain.partition("_")[0])
-    return "" if known is None else known[list(LANGUAGES).index(language)]
+    return "" if known is None else known[list(LANGUAGES).index(say("code"))]
 
 
 def says(language: str) -> Say:
@@ -519,10 +744,29 @@ def says(language: str) -> Say:
     return say
 
 
-def label_of(name: str, language: str) -> str:
+def label_of(name: str, say: Say) -> str:
     """Label of a quantity."""
-    own = _GERMAN_LABELS.get(name.removesuffix("_px")) if language == "de" else None
+    own = _GERMAN_LABELS.get(name.removesuffix("_px")) if say("code") == "de" else None
     return own or quantity_label(name)
+
+
+@cache
+def _patterns() -> list[tuple[re.Pattern[str], str]]:
+    """Messages with something that differs, those with most text first."""
+    found = sorted((one for one in _MESSAGES if "{}" in one[0]), key=lambda one: -len(one[0]))
+    return [(re.compile(re.escape(key).replace(r"\{\}", "(.+?)")), text) for key, text in found]
+
+
+def translated(text: str, say: Say) -> str:
+    """A text of the measurement in the page's language, as far as the catalogue has it."""
+    if say("code") == "en":
+        return text
+    if text in _GERMAN_MESSAGES:
+        return _GERMAN_MESSAGES[text]
+    for pattern, german in _patterns():
+        if (found := pattern.fullmatch(text)) is not None:
+            return german.format(*(translated(one, say) for one in found.groups()))
+    return text
 
 
 _FIELD_KEYS = {
@@ -548,9 +792,15 @@ _POINT = re.compile(r"” -?\d+(?:\.\d+)?,-?\d+(?:\.\d+)?(?:,(\d+))?")
 """A button with the pixel at which a command would point."""
 
 
+_SET_UP = re.compile(r"Set \[(pendulum|support)\](?: height)? in the setup file")
+
+
 def on_page(message: str, say: Say) -> str:
     """A message as a sentence, with fields and buttons in place of options."""
-    placed = in_fields(message, {option: say(key) for option, key in _FIELD_KEYS.items()})
+    labels = {option: say(key) for option, key in _FIELD_KEYS.items()}
+    placed = in_fields(translated(message, say), labels)
+    keys = {"pendulum": "card_pendulum", "support": "support"}
+    placed = _SET_UP.sub(lambda one: say("set_up_there", what=say(keys[one[1]])), placed)
     placed = _POINT.sub(lambda found: f"” ({say('frame')} {found[1]})" if found[1] else "”", placed)
     return placed[:1].upper() + placed[1:]
 

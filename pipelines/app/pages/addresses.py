@@ -3,6 +3,7 @@
 from functools import partial
 from html import escape
 from importlib.resources import files
+from typing import Literal
 
 from fastapi import FastAPI, HTTPException, Response
 from fastapi.responses import HTMLResponse, JSONResponse
@@ -67,8 +68,8 @@ def _of_clip(app: FastAPI, session: AppSession) -> None:
         clip = session.clip
         if clip is None or clip.measured is None:
             raise HTTPException(404)
-        label = partial(label_of, language=session.language)
-        word = partial(on_page, say=says(session.language))
+        say = says(session.language)
+        label, word = partial(label_of, say=say), partial(on_page, say=say)
         try:
             text = sheet_html(clip.measured, clip.as_command(), label, word)
         except ImpactVisionError as problem:
@@ -85,9 +86,11 @@ def _of_other_pages(app: FastAPI, session: AppSession) -> None:
             raise HTTPException(404)
         return Response(content, media_type="image/jpeg", headers=_NOT_STORED)
 
-    @app.get("/why/{number}")
-    def why(number: int) -> Response:
+    @app.get("/why/{number}/{part}")
+    def why(number: int, part: Literal["picture", "report"]) -> Response:
         clip = session.clip
         if clip is None or clip.number != number or clip.explained is None:
             raise HTTPException(404)
+        if part == "report":
+            return HTMLResponse(clip.explained.report, headers=_NOT_STORED)
         return Response(clip.explained.picture, media_type="image/png", headers=_NOT_STORED)

@@ -17,7 +17,7 @@ from pipelines.app.figures import LARGE_FIGURES, Figure, Standing
 from pipelines.app.pages.frame import ClipFrame, FramePoint, PlacedAt, heading
 from pipelines.app.pages.spans import SpanCard
 from pipelines.app.session import AppSession, ClipSession
-from pipelines.app.words import Say, hint_of, label_of, on_page
+from pipelines.app.words import Say, hint_of, label_of, on_page, translated
 from pipelines.web import Jobs
 from vision.tracks import MotionKind
 
@@ -43,6 +43,7 @@ _POINTED = (
     ("ball", "this_ball"),
     ("mass", "this_mass"),
     ("ignored", "ignore"),
+    ("outline", "move_outline"),
     ("pivot", "pivot"),
     ("landing", "point_landing"),
     ("axes", "axes"),
@@ -189,16 +190,15 @@ class ClipPage:
                 with ui.element("b"):
                     ui.label(figure.value).classes("inline")
                 std = ui.label(f" ± {figure.std} {figure.unit}").classes("va-std inline")
-                std.props(f'title="{hint_of("std", self.session.language)}"')
+                std.props(f'title="{hint_of("std", self.say)}"')
             if alone:
                 self._standing(figure)
             self._budget(figure)
 
     def _label(self, figure: Figure) -> ui.label:
         """Its name, explained on hovering."""
-        language = self.session.language
-        label = ui.label(label_of(figure.name, language))
-        return label.props(f'title="{hint_of(figure.name, language)}"')
+        label = ui.label(label_of(figure.name, self.say))
+        return label.props(f'title="{hint_of(figure.name, self.say)}"')
 
     def _small(self, figure: Figure) -> None:
         with ui.element("div").classes("va-row").props(f'data-test="figure-{figure.name}"'):
@@ -221,7 +221,8 @@ class ClipPage:
             return
         # one element in place of a hundred: the page draws anew within a correction
         rows = "".join(
-            f'<span>{escape(source)}</span><span style="text-align: right">{escape(std)}</span>'
+            f"<span>{escape(translated(source, self.say))}</span>"
+            f'<span style="text-align: right">{escape(std)}</span>'
             f'<span class="va-bar" style="width: {min(100 * part, 100):.0f}%"></span>'
             for source, std, part in figure.budget
         )
@@ -311,9 +312,11 @@ class ClipPage:
                     with ui.element("figure"):
                         with ui.element("figcaption"):
                             ui.label(say(graph.name))
-                        chart = ui.echart(graph.options()).classes("va-graph")
+                        options = graph.options(partial(translated, say=say))
+                        chart = ui.echart(options).classes("va-graph")
                         chart.props(f'role=img aria-label="{say(graph.name)}"')
-                    charts.append({"id": chart.id, "time": graph.over_time, "name": graph.name})
+                    name = say(graph.name)
+                    charts.append({"id": chart.id, "time": graph.over_time, "name": name})
             self._span = SpanCard(self.clip.graphs, say)
             self._span.build()
         ui.run_javascript(f"visionViewer.charts({json.dumps(charts)})")
@@ -337,9 +340,10 @@ class ClipPage:
             self.clip.change(replace(self.clip.corrections, **at))
         elif placed.kind in ("axes", *_TURNS):
             self._place_axes(placed)
-        elif placed.kind in _OBJECTS:
-            moved = not placed.pointed
-            self.clip.mark(placed.kind, placed.frame, placed.x, placed.y, moved=moved)
+        elif placed.kind in (*_OBJECTS, "outline"):
+            kind = "ball" if placed.kind == "outline" else placed.kind
+            moved = not placed.pointed or kind != placed.kind
+            self.clip.mark(kind, placed.frame, placed.x, placed.y, moved=moved)
 
     def _place_axes(self, placed: PlacedAt) -> None:
         """Move the origin, or turn the axes so that one of them points to the place."""
@@ -400,6 +404,7 @@ class ClipPage:
         struck = measured is not None and measured.motion.measured_as is MotionKind.STRIKE
         swung = measured is not None and measured.tracks.pendulum is not None
         # what contradicts the motion must stay visible to be taken back
+        self._frame.offer("outline", offered=measured is not None)
         for key, offered in (("landing", struck), ("pivot", swung)):
             placed = getattr(self.clip.corrections, key) is not None
             self._frame.offer(key, offered=offered or placed)

@@ -70,13 +70,14 @@ def cor_options(state: FolderState, say: Say) -> dict[str, Any]:
         )
     ]
     law = {"name": say("law"), "type": "line", "showSymbol": False, "data": [*map(list, state.law)]}
+    drawn = [one["name"] for one in (*series, law) if one["data"]]
     return {
         "animation": False,
-        "legend": {"top": 0, "left": 0, "textStyle": gray},
+        "legend": {"top": 0, "left": 0, "textStyle": gray, "data": drawn},
         "grid": {"left": 56, "right": 14, "top": 32, "bottom": 42},
         "tooltip": {"trigger": "item", "formatter": "{b}"},
         "xAxis": {**axis, "name": "v / (m/s)", "nameGap": 26},
-        "yAxis": {**axis, "name": "COR", "nameGap": 42},
+        "yAxis": {**axis, "name": say("cor_axis"), "nameGap": 42},
         "series": [*series, law],
     }
 
@@ -90,10 +91,8 @@ class FolderPage:
         Called with a clip's path to open it.
     """
 
-    def __init__(
-        self, folder: FolderSession, say: Say, language: str, opened: Callable[[Path], None]
-    ) -> None:
-        self.folder, self.say, self.language, self._opened = folder, say, language, opened
+    def __init__(self, folder: FolderSession, say: Say, opened: Callable[[Path], None]) -> None:
+        self.folder, self.say, self._opened = folder, say, opened
         self._cards: dict[str, tuple[ClipCard, Any]] = {}
         self._reasons: dict[str, Any] = {}
         self._points: object = None
@@ -114,6 +113,7 @@ class FolderPage:
                 if self.folder.clips is not None:
                     self._form()
             with ui.column().classes("va-card") as self._plot:
+                heading("h2", say("cor_graph"))
                 self._chart = ui.echart(
                     cor_options(FolderState({}, (), (), ()), say),
                     on_point_click=lambda event: self._open_named(event.name),
@@ -149,7 +149,7 @@ class FolderPage:
             button.props("unelevated dense data-test=measure-all")
         with ui.element("details").props("data-test=sheet"):
             heading("summary", say("paste")).classes("inline")
-            sheet = ui.textarea(say("paste_here"), placeholder="clip\tball\tbackswing_deg")
+            sheet = ui.textarea(say("paste_here"), value=self.folder.sheet())
             sheet.props("dense outlined stack-label data-test=pasted").classes("w-full")
             ui.button(say("paste_use"), on_click=lambda: self._try(paste)).props(
                 "outline dense data-test=paste"
@@ -157,7 +157,6 @@ class FolderPage:
 
         def paste() -> None:
             texts["trials"].value = self.folder.paste(str(sheet.value or ""))
-            sheet.value = ""
 
         with ui.element("pre").classes("va-code").props("data-test=as_command"):
             command = ui.label(self.folder.as_command())
@@ -254,13 +253,17 @@ class FolderPage:
                 " e.offsetY / e.target.clientHeight)",
             )
         for name, text in card.values:
-            ui.label(f"{label_of(name, self.language)}: {text}").classes("va-small")
+            with ui.element("div").classes("va-pair va-small"):
+                ui.label(label_of(name, say))
+                ui.label(text).classes("whitespace-nowrap")
         if not card.values:
             ui.label(say(f"state_{card.state}")).classes("va-small")
         if card.error:
-            ui.label(card.error).classes("va-note bad")
+            ui.label(on_page(card.error, say)).classes("va-note bad")
         if card.motion:
-            ui.label(say("uncertain_motion", kind=card.motion)).classes("va-note warn")
+            kind, _, probability = card.motion.partition(", ")
+            said = say("motion", kind=say(f"kind_{kind}"), p=probability)
+            ui.label(said).classes("va-note warn")
         if card.pointed:
             ui.label(say("pointed", at=card.pointed)).classes("va-small")
         self._marking(card)
@@ -283,7 +286,8 @@ class FolderPage:
                         self._mark(card.clip, reason)
 
                 why.on("keydown.enter", mark)
-                ui.button(say("mark"), on_click=mark).props("flat dense data-test=mark")
+                button = ui.button(say("mark"), on_click=mark).classes("whitespace-nowrap")
+                button.props("flat dense data-test=mark")
 
     def _mark(self, clip: str, reason: str | None) -> None:
         self._try(lambda: self.folder.mark(clip, reason))

@@ -6,7 +6,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from nicegui import ui
-from nicegui.events import UploadEventArguments
+from nicegui.events import MultiUploadEventArguments
 
 from metrology import ImpactVisionError
 from pipelines.app.openings import (
@@ -48,7 +48,12 @@ class OpenPage:
         with ui.column().classes("va-page"):
             with ui.column().classes("va-card"):
                 heading("h1", say("open_title"))
-                drop = ui.upload(label=say("drop"), auto_upload=True, on_upload=self._dropped)
+                drop = ui.upload(
+                    label=say("drop"),
+                    auto_upload=True,
+                    multiple=True,
+                    on_multi_upload=self._dropped,
+                )
                 drop.props('flat bordered data-test=drop accept="video/*,.webp,.tif,.tiff,.mkv"')
                 drop.classes("w-full")
                 ui.label(say("drop_note", folder=self._folder)).classes("va-small")
@@ -111,11 +116,17 @@ class OpenPage:
         self._problem.text = problem
         self._problem.set_visibility(True)
 
-    async def _dropped(self, event: UploadEventArguments) -> None:
+    async def _dropped(self, event: MultiUploadEventArguments) -> None:
+        """Copy a clip, or several into a folder of their own."""
+        folder, several = self._folder, len(event.files) > 1
         try:
-            place = free_place(self._folder, event.file.name)
-            await event.file.save(place)
-            place = kept_once(place, event.file.name)
+            if several:
+                folder = free_place(folder, "clips")
+                folder.mkdir()
+            for file in event.files:
+                place = free_place(folder, file.name)
+                await file.save(place)
+                place = folder if several else kept_once(place, file.name)
         except ImpactVisionError as problem:
             self._show(on_page(problem.in_one_line, self.say))
         except OSError as problem:

@@ -16,7 +16,7 @@ from pipelines.app.corrections import ClipInputs, cure_of
 from pipelines.app.pages.clip import copy_card, job_status
 from pipelines.app.pages.frame import ClipFrame, FramePoint, heading
 from pipelines.app.session import ClipSession
-from pipelines.app.words import Say, on_page
+from pipelines.app.words import Say, on_page, translated
 from pipelines.calibrate.answers import ANSWER_OPTIONS, EMPTY_ANSWERS, Answers, text_of
 from pipelines.calibrate.corners import starting_corners
 from pipelines.calibrate.drawing import RAMP, grid_lines, path_line, shaded_map
@@ -179,7 +179,7 @@ class SetupPage:
                     self.saved()
                     self._length_card()
                 with ui.element("div").classes("va-column"):
-                    with ui.element("div").classes("va-grid").props("data-test=panel"):
+                    with ui.element("div").classes("va-cards").props("data-test=panel"):
                         for key, answers in _CARDS:
                             self._card(key, answers)
                     self.repeats()
@@ -222,10 +222,11 @@ class SetupPage:
             return [say("tracked_to_landing" if answers.landing[1] else "tracked")]
         if key == "distances" and calibration is not None:
             alone = [
-                say("depth_from", source=one.source, value=f"{one.value:.3f} ± {one.std:.3f} m")
+                (translated(str(one.source), say), f"{one.value:.3f} ± {one.std:.3f} m")
                 for one in calibration.depth_estimates
             ]
-            return [say("distances_note"), *alone]
+            found = [say("depth_from", source=name, value=value) for name, value in alone]
+            return [say("distances_note"), *found]
         if key == "lens" and answers.lens is not None:
             focal, std = answers.lens.lens.fx, answers.lens.std[0]
             return [say("focal", value=f"{focal:.1f} ± {focal * std:.1f} px")]
@@ -305,7 +306,7 @@ class SetupPage:
                 ui.label(say(key, distance=f"{found.distance:.3f} m")).classes("va-small")
                 with ui.element("div").classes("va-budget"):
                     for line in found.budget[:MAX_BUDGET_LINES]:
-                        ui.label(str(line.source))
+                        ui.label(translated(str(line.source), say))
                         ui.label(_millimetres(line.std)).style("text-align: right")
                         part = 100.0 * line.std / found.budget[0].std
                         ui.element("div").classes("va-bar").style(f"width: {part:.0f}%")

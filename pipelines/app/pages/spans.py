@@ -14,7 +14,7 @@ from metrology import NoFitError, UsageError
 from metrology.least_squares import fit
 from metrology.quantity import format_value
 from pipelines.app.graphs import Graph
-from pipelines.app.words import Say, on_page
+from pipelines.app.words import Say, on_page, translated
 
 __all__ = ["Shape", "SpanCard", "SpanFit", "fit_span", "scatter_rows"]
 
@@ -156,7 +156,7 @@ def _physical_slope(shape: Shape, c: FloatArray, size: float) -> FloatArray:
     return np.stack(columns, axis=1)
 
 
-def scatter_rows(graphs: tuple[Graph, ...]) -> dict[str, tuple[int, str, FloatArray]]:
+def scatter_rows(graphs: tuple[Graph, ...], say: Say) -> dict[str, tuple[int, str, FloatArray]]:
     """Measured points of the graphs over time: label → number of the graph, unit, (N, 3) array."""
     found: dict[str, tuple[int, str, FloatArray]] = {}
     for number, graph in enumerate(graphs):
@@ -166,7 +166,7 @@ def scatter_rows(graphs: tuple[Graph, ...]) -> dict[str, tuple[int, str, FloatAr
         for series in graph.series:
             rows = np.array(series["data"], np.float64).reshape(len(series["data"]), -1)
             if series["type"] == "scatter" and len(rows):
-                name = f"{graph.name}: {series['name']}"
+                name = f"{say(graph.name)}: {translated(series['name'], say)}"
                 found[name] = (number, unit, rows[np.argsort(rows[:, 0])])
     return found
 
@@ -183,7 +183,7 @@ class SpanCard:
     """The span that is selected, and what was fitted to it."""
 
     def __init__(self, graphs: tuple[Graph, ...], say: Say) -> None:
-        self.say, self._series = say, scatter_rows(graphs)
+        self.say, self._series = say, scatter_rows(graphs, say)
         self._fitted: SpanFit | None = None
         self._unit = self._problem = ""
 

@@ -1,6 +1,8 @@
 """Page Why: whether the model explains the clip, and which physics is missing."""
 
 from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from nicegui import ui
 
@@ -32,21 +34,24 @@ class ClipExplained:
     ----------
     sentence : str
         The answer in one sentence.
-    html : str
-        All of it; every text in it is escaped.
     picture : bytes
         PNG of the residuals before and after.
+    report : str
+        The report of `vision explain`: also recording and models, formula, proof, what was tried,
+        and what to measure next.
     """
 
     sentence: str
-    html: str
     picture: bytes
+    report: str
 
     @classmethod
     def of(cls, verdict: Verdict) -> "ClipExplained":
         """Answer of a verdict."""
         sentence = repr(verdict).strip().partition("\n")[0]
-        return cls(sentence, verdict._repr_html_(), verdict.plot()._repr_png_())
+        with TemporaryDirectory() as folder:
+            report = verdict.report(Path(folder) / "report.html").read_text("utf-8")
+        return cls(sentence, verdict.plot()._repr_png_(), report)
 
 
 def explained(clip: ClipSession) -> ClipExplained:
@@ -108,12 +113,13 @@ class WhyPage:
         job_status(self.jobs, self.say)
         if found is not None:
             ui.label(found.sentence).props("data-test=sentence").style("font-weight: 650")
-            ui.image(f"/why/{self.clip.number}").props(f'alt="{self.say("why_picture")}"').style(
-                "max-width: 900px; background: #fff"
-            )
-            with ui.element("details"):
-                heading("summary", self.say("why_all")).classes("inline")
-                ui.html(found.html, sanitize=False)
+            ui.image(f"/why/{self.clip.number}/picture").props(
+                f'alt="{self.say("why_picture")}"'
+            ).style("max-width: 900px; background: #fff")
+            link = ui.element("a").classes("va-pick").props("target=_blank data-test=why-report")
+            with link.props(f'href="/why/{self.clip.number}/report"'):
+                ui.label(self.say("why_report"))
+                ui.label(self.say("why_report_note")).classes("va-small")
 
     def _explain(self) -> None:
         clip = self.clip

@@ -169,7 +169,7 @@ def test_cards_marks_and_points_in_a_browser(browser: Any, address: str, out: Pa
     until(page, lambda: "2 measured, 1 failed" in page.inner_text("[data-test=counts]"))
     until(page, lambda: page.locator("[data-test^=clip-]").count() == 4)
     # what a file says is text, not markup
-    assert "no ball <b>found</b>" in page.inner_text("[data-test='clip-missed.mp4']")
+    assert "No ball <b>found</b>" in page.inner_text("[data-test='clip-missed.mp4']")
     assert "0.7500 ± 0.0040" in page.inner_text("[data-test='clip-sure.mp4']")
 
     sure = page.locator("[data-test='clip-sure.mp4']")

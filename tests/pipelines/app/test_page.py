@@ -147,6 +147,63 @@ def test_a_span_dragged_in_a_graph_is_fitted(browser: Any, tmp_path: Path) -> No
 
 
 @pytest.mark.slow
+def test_a_reload_while_measuring_the_outline_by_keyboard_and_german(
+    browser: Any, tmp_path: Path
+) -> None:
+    path = falling(tmp_path / "drop")
+    (tmp_path / "drop.toml").write_text("[camera]\ncapture_fps = 240\n")
+    file = corrections_file(path)
+    with served(str(path)) as address:
+        page = opened_plain(browser.new_context(color_scheme="dark"), address)
+        page.wait_for_selector("[data-test=busy]")
+        page.reload()
+        page.wait_for_selector("[data-test^=figure-]")
+        assert page.get_attribute("[data-test=dark]", "aria-checked") == "true"
+        stage = page.locator("[data-test=stage]")
+        stage.focus()
+        for _ in range(10):
+            page.keyboard.press("ArrowRight")
+        until(page, lambda: shown(page) == 10)
+        page.click("[data-test=point-outline]")
+        until(page, lambda: "vs-pointing" in stage.get_attribute("class"))
+        page.keyboard.press("ArrowRight")
+        page.keyboard.press("Enter")
+        until(page, lambda: file.is_file() and bool(read_corrections(file).ball))
+        mark = read_corrections(file).ball[0]
+        assert (mark.frame, mark.moved) == (10, True)
+        assert abs(mark.x_px - 61.0) < 0.5
+        page.wait_for_selector("[data-test=busy]", state="detached")
+        page.click("[data-test=language]")
+        page.click(".q-menu >> text=Deutsch")
+        until(page, lambda: stage.get_attribute("data-graphs") == "ready")
+        graph = page.locator("[data-test=graphs] figure", has_text="Geschwindigkeit")
+        axis = "id => getElement(id).chart.getOption().yAxis[0]"
+        found = graph.locator(".va-graph").get_attribute("id").removeprefix("c")
+        assert page.evaluate(f"({axis})({found})")["name"].startswith("Geschwindigkeit / ")
+        light = page.evaluate(f"({axis})({found})")["axisLabel"]["color"]
+        page.click("[data-test=dark]")
+        until(page, lambda: page.evaluate(f"({axis})({found})")["axisLabel"]["color"] != light)
+
+
+@pytest.mark.slow
+def test_several_clips_dropped_together_become_a_folder(browser: Any, tmp_path: Path) -> None:
+    places = [ROOT / "docs" / "lessons" / f"{name}.mp4" for name in ("drop", "throw")]
+    with served(cwd=tmp_path) as address:
+        page = opened_plain(browser, address)
+        page.wait_for_selector("input[type=file]", state="attached")
+        page.set_input_files("input[type=file]", places)
+        page.wait_for_selector("[data-test='clip-throw.mp4']")
+        assert "2 waiting" in page.inner_text("[data-test=counts]")
+        assert {one.name for one in (tmp_path / "clips").glob("*.mp4")} == {"drop.mp4", "throw.mp4"}
+        page.click("[data-test=sheet] summary")
+        sheet = page.input_value("[data-test=pasted]")
+        assert sheet.splitlines()[0] == "clip\tball\tbackswing_deg\tsession"
+        page.fill("[data-test=pasted]", sheet.replace("drop.mp4\t", "drop.mp4\tjokku"))
+        page.click("[data-test=paste]")
+        until(page, lambda: (tmp_path / "clips" / "trials.csv").is_file())
+
+
+@pytest.mark.slow
 def test_a_stick_in_the_frame_sets_the_scale(browser: Any, tmp_path: Path) -> None:
     path = falling(tmp_path / "drop")
     (tmp_path / "drop.toml").write_text("[camera]\ncapture_fps = 240\n")

@@ -115,6 +115,25 @@ def test_nothing_moves_and_the_page_still_answers(session: AppSession, tmp_path:
     assert "too few to show" in clip.problem
 
 
+def test_a_clip_that_was_moved_is_a_sentence_and_its_numbers_stay(
+    session: AppSession, tmp_path: Path
+) -> None:
+    path = falling(tmp_path / "drop")
+    clip = session.open_clip(path)
+    settled(clip)
+    assert clip.frames.jpeg(35, 60.0) is not None
+    path.rename(tmp_path / "elsewhere")
+    clip.mark("ball", 10, 61.0, 31.0, moved=True)
+    settled(clip)
+    assert "drop" in clip.problem
+    assert clip.figures
+    assert clip.frames.jpeg(3) is not None
+    (tmp_path / "elsewhere").rename(path)
+    clip.undo()
+    settled(clip)
+    assert not clip.problem
+
+
 def test_a_file_that_can_not_be_read_is_kept(session: AppSession, tmp_path: Path) -> None:
     path = falling(tmp_path / "clip")
     file = corrections_file(path)

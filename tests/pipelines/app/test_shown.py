@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -18,12 +19,13 @@ from measuring.inputs import (
 )
 from measuring.measurement import ClipMeasurement
 from measuring.setup.file import Setup
+from metrology.quantity import UncertaintySource
 from physics.bodies import GRAVITY
 from pipelines.api.quantities import measure_options
 from pipelines.app.figures import Standing, figures_of
 from pipelines.app.graphs import MAX_POINTS, graphs_of
 from pipelines.app.marks import MAX_CANDIDATES, marks_of
-from pipelines.app.words import hint_of, on_page, says
+from pipelines.app.words import hint_of, on_page, says, translated
 from tests.pipelines.app.small import CLIP, strike
 from vision.stages import candidate_table
 
@@ -191,7 +193,28 @@ def test_bounces_are_ticks_of_the_time_line() -> None:
 
 
 def test_jargon_is_explained_in_both_languages() -> None:
-    assert "restitution" in hint_of("cor_range", "en")
-    assert "Stoßzahl" in hint_of("cor_range", "de")
-    assert hint_of("fall_acceleration_px", "en") == hint_of("fall_acceleration", "en")
-    assert hint_of("ball_speed", "en") == ""
+    english = says("en")
+    assert "restitution" in hint_of("cor_range", english)
+    assert "Stoßzahl" in hint_of("cor_range", says("de"))
+    assert hint_of("fall_acceleration_px", english) == hint_of("fall_acceleration", english)
+    assert hint_of("ball_speed", english) == ""
+
+
+def test_german_has_the_messages_axes_and_sources_of_uncertainty() -> None:
+    say, english = says("de"), says("en")
+    doubt = "the motion is a drop with a probability of only 0.87 (alternatives: roll 0.11): its "
+    doubt += "quantities hold only if it is a drop. Show more of the motion, or point at the ball "
+    said = on_page(f"{doubt}with another --ball-at.", say)
+    assert said.startswith("Die Bewegung ist nur mit der Wahrscheinlichkeit 0.87 „Fall“")
+    assert "“Das ist der Ball”" in said
+    assert translated(doubt, english) == doubt
+    for sentence in [one.sentence for one in strike().assumed]:
+        assert "assumed" not in on_page(sentence, say)
+        assert "page Set up" in on_page(sentence, english)
+    # what an earlier version or another room says stays as it is
+    assert translated("an unknown (message) {}", say) == "an unknown (message) {}"
+    assert all(translated(source, say) != source for source in UncertaintySource)
+    axes = [one.options(partial(translated, say=say)) for one in graphs_of(strike())]
+    named = [axis[key]["name"] for axis in axes for key in ("xAxis", "yAxis")]
+    assert "Geschwindigkeit / (m/s)" in named
+    assert not any("speed" in one or "gap" in one for one in named)

@@ -6,6 +6,7 @@ import pytest
 from metrology import UsageError
 from pipelines.app.graphs import Graph
 from pipelines.app.pages.spans import Shape, SpanFit, fit_span, scatter_rows
+from pipelines.app.words import says
 
 TIME = 0.3 + np.arange(60) / 240.0
 SINCE = TIME - TIME[0]
@@ -58,6 +59,6 @@ def test_measured_points_of_graphs_over_time_are_offered_with_their_unit() -> No
         Graph("path", "x / m", "y / m", False, (points,)),
         Graph("speed", "t / s", "speed / (m/s)", True, (points, line)),
     )
-    ((name, (number, unit, rows)),) = scatter_rows(graphs).items()
-    assert (name, number, unit) == ("speed: ball", 1, "m/s")
+    ((name, (number, unit, rows)),) = scatter_rows(graphs, says("en")).items()
+    assert (name, number, unit) == ("Speed: ball", 1, "m/s")
     assert rows[:, 2].tolist() == [0.0, 1.0]

@@ -4,10 +4,11 @@ import shlex
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
+from fastapi.testclient import TestClient
 from scipy.integrate import solve_ivp
 
 from measuring.chain import measure_clip
@@ -16,7 +17,9 @@ from metrology import NotFoundError, SetupError
 from physics.bodies import GRAVITY
 from pipelines.app.corrections import ClipInputs, Corrections, options_of
 from pipelines.app.graphs import graphs_of
-from pipelines.app.pages.why import command_of, explained
+from pipelines.app.pages.addresses import app_of
+from pipelines.app.pages.why import ClipExplained, command_of, explained
+from pipelines.app.session import AppSession
 from tests.pipelines.app.small import CLIP, strike
 from vision.tracks import MotionKind
 
@@ -31,15 +34,26 @@ def test_the_answer_is_that_of_explain(tmp_path: Path) -> None:
     found = explained(_clip(CLIP, setup="jokku_90_small.toml"))
     # the clip is simulated: nothing may be missing
     assert found.sentence.startswith("Nothing is missing")
-    assert found.sentence in found.html
     assert found.picture.startswith(b"\x89PNG")
+    assert "What remains" in found.report
     # a ball that was typed counts as well as one of the set-up file
     text = CLIP.with_suffix(".toml").read_text().partition("[ball]")[0]
     (tmp_path / "lab.toml").write_text(text)
     setup = str(tmp_path / "lab.toml")
-    assert explained(_clip(CLIP, setup=setup, ball="jokku")).html == found.html
+    assert explained(_clip(CLIP, setup=setup, ball="jokku")).sentence == found.sentence
     with pytest.raises(SetupError, match="no ball"):
         explained(_clip(CLIP, setup=setup))
+
+
+def test_picture_and_report_of_the_answer_are_served() -> None:
+    session = AppSession()
+    answer = ClipExplained("said", b"picture", "<p>report")
+    session.clip = cast(Any, SimpleNamespace(number=1, explained=answer))
+    client = TestClient(app_of(session))
+    assert client.get("/why/1/report").text == "<p>report"
+    assert client.get("/why/1/picture").content == b"picture"
+    for path in ("/why/2/report", "/why/1/else"):
+        assert client.get(path).status_code in (404, 422)
 
 
 def _lesson(name: str, **inputs: str) -> Any:
