@@ -91,69 +91,45 @@ def fit_span(x: FloatArray, y: FloatArray, shape: Shape) -> SpanFit:
             f"{len(np.unique(x))} points are too few for a {shape}",
             hint=f"Select {unknowns + MIN_SPARE_POINTS} or more.",
         )
-    middle, size = 0.5 * (x[0] + x[-1]), 0.5 * float(x[-1] - x[0])
-    u = (x - middle) / size
-    start, curve = (_sine if shape is Shape.SINE else _polynomial)(u, y, unknowns)
-    left = y - curve(start, u)
+    since = x - x[0]
+    start, curve = (_sine if shape is Shape.SINE else _polynomial)(since, y, unknowns)
+    left = y - curve(start, since)
     typical = _MAD_TO_STD * float(np.median(np.abs(left))) * len(x) / (len(x) - unknowns)
     noise = max(typical, 1e-9 * float(np.ptp(y)), 1e-12)
-    found = fit(lambda values: (curve(values, u) - y) / noise, start)
-    slope = _physical_slope(shape, found.values, size)
-    values = _physical(shape, found.values, size)
-    std = np.sqrt(np.diag(slope @ found.covariance @ slope.T))
-    known = found.determined.all() and np.isfinite(values).all() and np.isfinite(std).all()
-    if not known:
+    found = fit(lambda values: (curve(values, since) - y) / noise, start)
+    values, std = found.values, np.sqrt(np.diag(found.covariance))
+    if not (found.determined.all() and np.isfinite(values).all() and np.isfinite(std).all()):
         raise NoFitError(f"the points do not determine a {shape}", hint="Select a longer span.")
-    drawn = np.linspace(-1.0, 1.0, CURVE_POINTS)
-    line = np.column_stack([middle + size * drawn, curve(found.values, drawn)])
-    scatter = float(np.sqrt(np.sum((curve(found.values, u) - y) ** 2) / (len(x) - unknowns)))
-    terms = zip(_TERMS[shape], values.tolist(), std.tolist(), strict=True)
+    drawn = np.linspace(0.0, since[-1], CURVE_POINTS)
+    line = np.column_stack([x[0] + drawn, curve(values, drawn)])
+    scatter = float(np.sqrt(np.sum((curve(values, since) - y) ** 2) / (len(x) - unknowns)))
+    # the phase of a sine is not shown
+    terms = zip(_TERMS[shape], values.tolist(), std.tolist(), strict=False)
     return SpanFit(tuple(terms), scatter, len(x), line)
 
 
 _Curve = Callable[[FloatArray, FloatArray], FloatArray]
 
 
-def _polynomial(u: FloatArray, y: FloatArray, unknowns: int) -> tuple[FloatArray, _Curve]:
-    design = np.polynomial.polynomial.polyvander(u, unknowns - 1)
-    start = np.linalg.lstsq(design, y, rcond=None)[0]
-    return np.asarray(start), lambda c, at: np.asarray(np.polynomial.polynomial.polyval(at, c))
+def _polynomial(since: FloatArray, y: FloatArray, unknowns: int) -> tuple[FloatArray, _Curve]:
+    """Value, slope and second derivative at the first point."""
+    factorial = np.array([1.0, 1.0, 2.0])[:unknowns]
+    start = np.polyfit(since, y, unknowns - 1)[::-1] * factorial
+    return start, lambda c, at: np.asarray(np.polynomial.polynomial.polyval(at, c / factorial))
 
 
-def _sine(u: FloatArray, y: FloatArray, _: int) -> tuple[FloatArray, _Curve]:
-    """Mean, cosine, sine and the phase per half a span; the period from a scan."""
+def _sine(since: FloatArray, y: FloatArray, _: int) -> tuple[FloatArray, _Curve]:
+    """Mean, amplitude, period and phase; the period from a scan."""
     best, least = np.zeros(4), np.inf
-    for period in _PERIODS:
-        turn = np.pi / period
-        design = np.column_stack([np.ones_like(u), np.cos(turn * u), np.sin(turn * u)])
-        parts = np.linalg.lstsq(design, y, rcond=None)[0]
+    for period in since[-1] * _PERIODS:
+        turn = 2.0 * np.pi * since / period
+        design = np.column_stack([np.ones_like(turn), np.cos(turn), np.sin(turn)])
+        mean, cosine, sine = parts = np.linalg.lstsq(design, y, rcond=None)[0]
         off = float(np.sum((design @ parts - y) ** 2))
         if off < least:
-            best, least = np.array([*parts, turn]), off
-    return best, lambda c, at: np.asarray(
-        c[0] + c[1] * np.cos(c[3] * at) + c[2] * np.sin(c[3] * at)
-    )
-
-
-def _physical(shape: Shape, c: FloatArray, size: float) -> FloatArray:
-    """Parameters over the half-span as terms in the graph's units."""
-    if shape is Shape.SINE:
-        return np.array([c[0], np.hypot(c[1], c[2]), 2.0 * np.pi * size / c[3]])
-    if shape is Shape.LINE:
-        return np.array([c[0] - c[1], c[1] / size])
-    return np.array([c[0] - c[1] + c[2], (c[1] - 2.0 * c[2]) / size, 2.0 * c[2] / size**2])
-
-
-def _physical_slope(shape: Shape, c: FloatArray, size: float) -> FloatArray:
-    """Derivative of `_physical` by the parameters."""
-    steps = 1e-6 * np.maximum(np.abs(c), 1e-6 * np.abs(c).max() + 1e-12)
-    columns = []
-    for place, step in enumerate(steps):
-        up, down = c.copy(), c.copy()
-        up[place] += step
-        down[place] -= step
-        columns.append((_physical(shape, up, size) - _physical(shape, down, size)) / (2.0 * step))
-    return np.stack(columns, axis=1)
+            amplitude, phase = np.hypot(cosine, sine), np.arctan2(cosine, sine)
+            best, least = np.array([mean, amplitude, period, phase]), off
+    return best, lambda c, at: c[0] + c[1] * np.sin(2.0 * np.pi * at / c[2] + c[3])
 
 
 def scatter_rows(graphs: tuple[Graph, ...], say: Say) -> dict[str, tuple[int, str, FloatArray]]:
