@@ -902,7 +902,9 @@ class Lattice:
     fine: int | None
 
 
-def analysed(values: FloatArray, coordinate: FloatArray, period_px: float) -> Lattice:
+def analysed(
+    values: FloatArray, coordinate: FloatArray, period_px: float, is_coarse: bool = True
+) -> Lattice:
     """Find the coarse lines of one family.
 
     Parameters
@@ -913,12 +915,15 @@ def analysed(values: FloatArray, coordinate: FloatArray, period_px: float) -> La
         Their grid coordinate across the family's lines, in periods of the wave first found.
     period_px : float
         That period, px.
+    is_coarse : bool
+        Whether coarser lines are looked for, or the wave is taken for that of the coarse ones.
     """
     multiple, clear = _coarsest(
         values,
         coordinate,
         MIN_HARMONIC_AMPLITUDE if period_px > MIN_ALIAS_FREE_PERIOD_PX else MIN_ALIASED_AMPLITUDE,
     )
+    multiple = multiple if is_coarse else 1
     coordinate = coordinate / multiple
     turn = np.exp(-2j * np.pi * coordinate)
     wave = values * turn
@@ -1661,6 +1666,12 @@ def _squares(
     if not np.ptp(first, axis=0).min() >= MIN_REGION_PERIODS:
         raise no_grid()
     lattices = [analysed(flat[area], first[:, f], periods[f]) for f in range(2)]
+    alike = abs(np.log(periods[0] / periods[1])) < MAX_SQUARE_SKEW
+    if alike and lattices[0].multiple != lattices[1].multiple:
+        lattices = [
+            analysed(flat[area], first[:, f], periods[f], False) if _is_beat(lattice) else lattice
+            for f, lattice in enumerate(lattices)
+        ]
     if not all(lattice.clear for lattice in lattices):
         raise only_stripes()
     grid_map, lattices = _oriented(grid_map, lattices)
@@ -1673,6 +1684,17 @@ def _squares(
     flat = flattened(gray, 1.5 * float(periods.max()))
     _require_squares(flat[area], grid_map(seen), grid_map)
     return grid_map, area, lattices, flat
+
+
+def _is_beat(lattice: Lattice) -> bool:
+    """Whether coarse lines of one family alone are so faint that they may be a beat.
+
+    In a picture that was enlarged, lines beat with the pixels that it had before.
+    """
+    if not 1 < lattice.multiple <= MAX_HARMONIC:
+        return False
+    coarse, wave = np.abs(lattice.template[[0, lattice.multiple - 1]])
+    return bool(coarse < MIN_ALIASED_AMPLITUDE * wave)
 
 
 def _periods(grid_map: GridMap, px: FloatArray) -> FloatArray:
@@ -1706,7 +1728,8 @@ def _require_squares(values: FloatArray, grid: FloatArray, grid_map: GridMap) ->
         angle = np.degrees(np.arccos(cosine))
         raise CalibrationError(
             f"the lines do not form squares: sides 1 : {aspect:.2f}, angle {angle:.0f} deg",
-            hint="Only a grid of squares can be used, filmed with square pixels.",
+            hint="Only a grid of squares can be used, filmed with square pixels. If they are"
+            " squares, the picture was changed after filming: pass the camera's own file.",
         )
 
 
