@@ -163,18 +163,22 @@ def _jumps(time: FloatArray, place: FloatArray, steps: int) -> list[tuple[int, f
     """
     velocity = np.diff(place, axis=0) / np.diff(time)[:, None]
     found: list[tuple[int, float, float]] = []
-    for row in range(steps, len(velocity) - steps):
-        before, noise = _at_end(velocity[row - steps : row][::-1])
-        after, more = _at_end(velocity[row + 1 : row + 1 + steps])
-        speeds = float(np.hypot(*before)), float(np.hypot(*after))
-        slow, fast = sorted(speeds)
-        std = float(np.hypot(noise, more))
-        if slow <= _MIN_SPEED_SIGMAS * min(noise, more) or fast < _MIN_FACTOR * slow:
-            continue
-        turn = np.arccos(np.clip(before @ after / (slow * fast), -1.0, 1.0))
-        turn -= 2.0 * np.hypot(noise / speeds[0], more / speeds[1])
-        if turn < _MAX_TURN and fast - slow > _MIN_SIGMAS * std:
-            found.append((row, speeds[1] / speeds[0], (fast - slow) / std))
+    for first in range(steps, len(velocity) - steps, _BLOCK_ROWS):
+        rows = np.arange(first, min(first + _BLOCK_ROWS, len(velocity) - steps))
+        spans = np.lib.stride_tricks.sliding_window_view(velocity, steps, axis=0).swapaxes(1, 2)
+        before, noise = _at_end(spans[rows - steps, ::-1])
+        after, more = _at_end(spans[rows + 1])
+        speeds = np.stack([np.hypot(*before.T), np.hypot(*after.T)])
+        slow, fast = np.sort(speeds, axis=0)
+        std = np.hypot(noise, more)
+        jump = (slow > _MIN_SPEED_SIGMAS * np.minimum(noise, more)) & (fast >= _MIN_FACTOR * slow)
+        jump &= fast - slow > _MIN_SIGMAS * std
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turn = np.arccos(np.clip((before * after).sum(axis=1) / (slow * fast), -1.0, 1.0))
+            turn -= 2.0 * np.hypot(noise / speeds[0], more / speeds[1])
+            factor, clear = speeds[1] / speeds[0], (fast - slow) / std
+        for at in np.flatnonzero(jump & (turn < _MAX_TURN)):
+            found.append((int(rows[at]), float(factor[at]), float(clear[at])))
     kept: list[tuple[int, float, float]] = []
     for jump in found:
         if kept and jump[0] - kept[-1][0] <= steps:
@@ -184,12 +188,17 @@ def _jumps(time: FloatArray, place: FloatArray, steps: int) -> list[tuple[int, f
     return [(row, factor) for row, factor, _ in kept]
 
 
-def _at_end(velocity: FloatArray) -> tuple[FloatArray, float]:
-    """Velocity extrapolated by half a step to the row before the first one, with its std."""
-    middle = np.arange(len(velocity)) + 0.5
+def _at_end(velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Velocities (…, N, 2) extrapolated by half a step to before the first, with their std."""
+    middle = np.arange(velocity.shape[-2]) + 0.5
     design = np.column_stack([np.ones_like(middle), middle])
     inverse = np.linalg.inv(design.T @ design)
     fitted = inverse @ design.T @ velocity
     rest = velocity - design @ fitted
-    noise = float(np.sqrt((rest**2).sum() / (2 * (len(middle) - 2))))
-    return fitted[0], noise * float(np.sqrt(inverse[0, 0])) + 1e-12 * float(np.abs(velocity).max())
+    noise = np.sqrt((rest**2).sum(axis=(-2, -1)) / (2 * (len(middle) - 2)))
+    largest = np.abs(velocity).max(axis=(-2, -1))
+    return fitted[..., 0, :], noise * np.sqrt(inverse[0, 0]) + 1e-12 * largest
+
+
+_BLOCK_ROWS = 65_536
+"""Rows computed at once (chosen: some ten megabytes)."""

@@ -118,13 +118,17 @@ def _without_lost(marks: Marks) -> Marks:
     values, which, counts = np.unique(
         marks.place[rows], axis=0, return_inverse=True, return_counts=True
     )
-    for number in np.flatnonzero(counts >= MIN_RUN_ROWS):
+    steps = np.hypot(*np.diff(marks.place[rows], axis=0).T)
+    # the mark lies at an end of the longest step
+    longest = int(np.argmax(steps)) if len(steps) else 0
+    ends = which.ravel()[longest : longest + 2]
+    for number in ends:
         lost = which.ravel() == number
         seen = marks.place[rows[~lost]]
-        if len(seen) < MIN_RUN_ROWS:
+        if min(len(seen), counts[number]) < MIN_RUN_ROWS:
             continue
-        leaps = np.hypot(*np.diff(marks.place[rows], axis=0).T)[lost[1:] != lost[:-1]]
-        if leaps.min() <= MIN_LEAP * np.hypot(*np.diff(seen, axis=0).T).max():
+        leaps = steps[lost[1:] != lost[:-1]]
+        if not len(leaps) or leaps.min() <= MIN_LEAP * np.hypot(*np.diff(seen, axis=0).T).max():
             continue
         place = marks.place.copy()
         place[rows[lost]] = np.nan

@@ -6,7 +6,9 @@ import pytest
 
 import impact_vision as iv
 from metrology import Contribution, MeasurementError, Quantity, UncertaintySource, UsageError
+from pipelines.api import shown
 from pipelines.api.quantities import Quantities
+from pipelines.api.shown import notebook_progress
 from pipelines.api.wording import in_python
 
 SPEED = Quantity("ball_speed", 3.0, 0.1, "m/s")
@@ -120,3 +122,22 @@ def test_quantities_are_compared_and_rounded_as_numbers() -> None:
     assert speed <= -5.126 <= speed
     assert abs(speed) > 5.0
     assert round(speed, 1) == -5.1
+
+
+def test_a_notebook_shows_the_step_and_its_fraction(monkeypatch: pytest.MonkeyPatch) -> None:
+    shells = pytest.importorskip("IPython.core.interactiveshell").InteractiveShell
+    publishers = pytest.importorskip("IPython.core.displaypub")
+    with notebook_progress() as show:
+        assert show is None
+    shell = shells.instance(display_pub_class=publishers.CapturingDisplayPublisher)
+    try:
+        shell.kernel = object()
+        monkeypatch.setattr(shown, "_PATIENCE_S", -1.0)
+        with notebook_progress() as show:
+            assert show is not None
+            show("Tracking", 0.1)
+            show("Tracking", 0.5)
+        said = [one["data"]["text/plain"] for one in shell.display_pub.outputs]
+    finally:
+        shells.clear_instance()
+    assert said == ["Tracking: 10 %", "Tracking: 50 %", ""]

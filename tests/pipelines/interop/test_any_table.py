@@ -2,17 +2,20 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from measuring.checker.pace import find_slow_part
 from measuring.setup.file import Setup
 from metrology import UsageError
 from pipelines.api.quantities import measure_options
 from pipelines.explain.campaign import load_campaign
 from pipelines.interop.external import ExternalTracks
 from pipelines.interop.measured import measure_from_tracks, read_tracks
+from pipelines.interop.rows import Marks, settled
 from pipelines.interop.tables import parse_columns, read_samples
 from vision.tracks import MotionKind
 
@@ -198,6 +201,25 @@ def test_marks_of_what_was_lost_are_skipped(value: float, tmp_path: Path) -> Non
     found = of_rows(tmp_path / "a.csv", T, np.where(lost, value, X), np.where(lost, value, Y))
     assert len(found.tracks[0]) == ROWS - lost.sum()
     assert f"({value:g}, {value:g})" in " ".join(found.notes)
+
+
+def test_long_tables_take_time_in_proportion(tmp_path: Path) -> None:
+    def cost(rows: int) -> float:
+        time = np.arange(rows) / 1000.0
+        path = tmp_path / f"{rows}.csv"
+        # rounded, so that positions come again and again
+        table = np.column_stack([time, 0.3 + 0.1 * np.sin(time), 0.4 + 0.1 * np.cos(time)])
+        np.savetxt(path, table, "%.4f", ",", header="t (s),x (m),y (m)", comments="")
+        external = read_tracks(path)
+        track = external.tracks[0]
+        assert track.time_s is not None
+        began = process_time()
+        settled(Marks("ball", track.px, None, track.time_s))
+        find_slow_part(track.time_s, track.px)
+        return process_time() - began
+
+    cost(1_000)
+    assert cost(40_000) < 10.0 * cost(10_000)
 
 
 def test_a_rest_before_a_throw_is_no_mark_of_what_was_lost(tmp_path: Path) -> None:
