@@ -7,11 +7,12 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing import parent_process
-from multiprocessing.connection import wait
+from multiprocessing.connection import Connection, wait
+from multiprocessing.reduction import ForkingPickler
 from types import FrameType
 from typing import Any
 
-__all__ = ["ONE_THREAD", "PipedProcess", "Terminated", "begin_worker", "raise_when_terminated"]
+__all__ = ["ONE_THREAD", "PipedProcess", "Terminated", "raise_when_terminated"]
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Environment of a worker: the others already use all cores."""
@@ -27,12 +28,14 @@ class PipedProcess:
     Parameters
     ----------
     serve : callable
-        Runs in the process, with the other end of the pipe and `more`.
+        Runs in the process, which ends with its parent, with the other end of the pipe and `more`.
     """
 
     def __init__(self, serve: Callable[..., None], *more: Any) -> None:
         self.pipe, theirs = _FRESH.Pipe()
-        self.process = _FRESH.Process(target=serve, args=(theirs, *more), daemon=True)
+        # in bytes: what they import is imported after the parent is watched
+        task = bytes(ForkingPickler.dumps((serve, more)))
+        self.process = _FRESH.Process(target=_begin, args=(theirs, task), daemon=True)
         self.process.start()
         theirs.close()
 
@@ -60,7 +63,13 @@ def raise_when_terminated() -> None:
     signal.signal(signal.SIGTERM, stop)
 
 
-def begin_worker() -> None:
+def _begin(pipe: Connection, task: bytes) -> None:
+    _begin_worker()
+    serve, more = ForkingPickler.loads(task)
+    serve(pipe, *more)
+
+
+def _begin_worker() -> None:
     """Prepare this process of `multiprocessing`: one thread, and it ends with its parent.
 
     A killed parent can't end its workers, and a worker notices it only after its task.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from measuring.chain import MeasureOptions, measure_clip
 from metrology import ImpactVisionError, NotFoundError
 from metrology.kept import KeptResults
-from pipelines.processes import PipedProcess, begin_worker
+from pipelines.processes import PipedProcess
 from vision.stages import candidate_table, detect, given_objects, link
 
 if TYPE_CHECKING:
@@ -143,7 +143,6 @@ class _Superseded(Exception):
 
 def _serve(pipe: Connection) -> None:
     """Answer tasks until the other end of the pipe is closed."""
-    begin_worker()
     kept = KeptResults()
     with suppress(EOFError, OSError):
         while True:

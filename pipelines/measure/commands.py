@@ -79,7 +79,7 @@ from pipelines.measure.files import (
     software_version,
     without_formulas,
 )
-from pipelines.processes import PipedProcess, begin_worker
+from pipelines.processes import PipedProcess
 from pipelines.report.inputs import for_people, quantity_label, quantity_text
 from pipelines.terminal import counted, screen
 from vision.clip.clip import ClipReader
@@ -161,7 +161,6 @@ def run_tasks(
 
 def _serve(pipe: Connection, function: Callable[[Any], Any]) -> None:
     """Answer tasks until the other end of the pipe is closed."""
-    begin_worker()
     with suppress(EOFError, OSError):
         while True:
             task = pipe.recv()

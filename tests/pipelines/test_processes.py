@@ -77,6 +77,26 @@ def test_workers_end_with_a_killed_parent(script: str, tmp_path: Path) -> None:
     assert wait_until(lambda: not any(one.is_running() for one in children), 5.0)
 
 
+def test_workers_end_while_they_still_import(tmp_path: Path) -> None:
+    (tmp_path / "slow.py").write_text(
+        "import multiprocessing, time\nfrom pathlib import Path\n"
+        "if multiprocessing.parent_process():\n    Path('began').touch()\n    time.sleep(600)\n"
+        "def task(one):\n    return one\n"
+    )
+    script = (
+        "from pipelines.measure.commands import run_tasks\nif __name__ == '__main__':\n"
+        "    from slow import task\n    print(*run_tasks(task, [1], 1))\n"
+    )
+    parent = running(tmp_path / "run.py", script)
+    try:
+        assert wait_until((tmp_path / "began").exists, 90.0)
+        children = psutil.Process(parent.pid).children()
+    finally:
+        parent.kill()
+        parent.wait()
+    assert wait_until(lambda: not any(one.is_running() for one in children), 5.0)
+
+
 @pytest.mark.parametrize("command", ["measure", "campaign", "calibrate", "app"])
 def test_a_terminated_command_has_the_exit_code_of_the_signal(command: str, tmp_path: Path) -> None:
     clip = str(shared_folder("inputs") / "base_strike.mkv")
