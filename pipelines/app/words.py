@@ -103,7 +103,7 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "wall_grid": ("Wall grid", "Wandraster"),
     "scale": ("Scale", "Maßstab"),
     "setup_input": ("Set-up file", "Einrichtungsdatei"),
-    "kind": ("Kind of motion", "Art der Bewegung"),
+    "kind": ("Kind of motion", "Bewegung"),
     "kind_found": ("as found", "wie gefunden"),
     "kind_strike": ("strike", "Stoß durch ein Pendel"),
     "kind_flight": ("flight", "Flug"),
@@ -656,6 +656,8 @@ _MESSAGES = (
     ("gravity", "Schwerkraft"),
     ("support height", "Höhe der Auflage"),
     ("ball mass", "Masse des Balls"),
+    ("ball tracked", "Ball verfolgt"),
+    ("wall grid found", "Wandraster gefunden"),
 )
 """Messages, sources of uncertainty and names in graphs in English and German, with {} for what
 differs. What is not here stays English."""

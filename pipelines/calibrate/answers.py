@@ -354,7 +354,7 @@ def answered(answers: Answers, name: str, text: str) -> Answers:
 
 def text_of(answers: Answers, name: str) -> str:
     """The present text of an answer; empty if it is open."""
-    return ANSWER_OPTIONS[name].shown(answers)
+    return ANSWER_OPTIONS[name].shown(answers).replace("+-", "±")
 
 
 def point_from(text: str, size: tuple[int, int]) -> FloatArray:

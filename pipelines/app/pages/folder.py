@@ -122,6 +122,7 @@ class FolderPage:
                 ui.label(say("cor_note")).classes("va-small")
                 self._wanted = ui.label().props("role=status data-test=wanted")
                 self._wanted.style("white-space: pre-line")
+            self._plot.set_visibility(False)
             with ui.row().classes("items-center gap-2") as self._filter:
                 choice = {name: say(f"show_{name}") for name in ("all", "unsure", "bad")}
                 ui.radio(choice, value="all", on_change=self._choose).props(
@@ -275,8 +276,8 @@ class FolderPage:
             button = ui.button(say("unmark"), on_click=partial(self._mark, card.clip, None))
             button.props("flat dense data-test=unmark")
         elif card.state == "done":
-            with ui.row().classes("w-full items-center no-wrap gap-2"):
-                why = ui.input(placeholder=say("why_bad")).classes("grow")
+            with ui.row().classes("w-full items-center gap-2"):
+                why = ui.input(placeholder=say("why_bad")).classes("grow").style("min-width: 15em")
                 why.props(f'dense outlined maxlength=500 aria-label="{say("why_bad")}"')
                 self._reasons[card.clip] = why
 

@@ -332,7 +332,8 @@ class SetupPage:
         known = [one for one in session.changes if one.after is not None]
         with ui.column().classes("gap-0 va-small").props("data-test=changes"):
             for one in reversed(known[-MAX_CHANGES:]):
-                ui.label(f"{one.label}: {_millimetres(one.before)} → {_millimetres(one.after)}")
+                label = translated(one.label, self.say)
+                ui.label(f"{label}: {_millimetres(one.before)} → {_millimetres(one.after)}")
 
     @ui.refreshable_method
     def legend(self) -> None:
