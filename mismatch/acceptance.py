@@ -9,6 +9,7 @@ from importlib import resources
 from typing import Any
 
 import numpy as np
+from scipy.special import expit
 
 from mismatch.candidates import Candidate
 from mismatch.fitting.fit import Fit
@@ -164,17 +165,14 @@ def _calibration() -> Mapping[str, Any]:
 
 
 def calibrated_probability(evidence: NameEvidence) -> float:
-    """Probability that a name is right, by the fitted logistic model.
+    """Probability that a name is right, by the fitted logistic model, and no error of the inputs.
 
-    Where usual errors of the inputs are ahead, no more than its share against them: their prior
-    odds are fitted to careful laboratories.
+    The prior odds of usual errors of the inputs are fitted to careful laboratories.
     """
     fitted = _calibration()
     weights = np.array([fitted["weights"][name]["value"] for name in FEATURES])
     score = fitted["intercept"]["value"] + float(weights @ features_of(evidence))
-    if evidence.log_odds_over_inputs < 0.0:
-        score = min(score, evidence.log_odds_over_inputs)
-    return 1.0 / (1.0 + math.exp(-max(min(score, 30.0), -30.0)))
+    return float(expit(score) * expit(evidence.log_odds_over_inputs))
 
 
 def evidence_for_names(

@@ -2,18 +2,20 @@
 
 Searches campaigns with keys with their inputs held, and fits usual errors of inputs and instruments
 in place of what is found. Where these are ahead by `PRIOR_COST`, the engine opens them. In careful
-laboratories they should be, in campaigns with a concealed law they should not.
+laboratories they should be, in campaigns with a concealed law they should not. A careful laboratory
+of which only errors are named that it has is on neither side.
 Run `python -m training.fit_inputs --careful FOLDER --concealed FOLDER … --cache FOLDER`.
 """
 
 import argparse
 import json
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from bench.concealed.second.careful import INSTRUMENTS
 from bench.concealed.statistics import wilson
 from measuring.setup.file import load_setup
 from metrology import write_text_whole
@@ -30,8 +32,11 @@ STRONG = 60.0
 the form of a law is at fault. Chosen; insensitive between 20 and 200."""
 
 
-def lead(folder: Path, cache: Path) -> float | None:
-    """Evidence of the inputs over the names of a campaign; None where nothing is named."""
+def lead(folder: Path, cache: Path, errors: Collection[str] = ()) -> float | None:
+    """Evidence of the inputs over the names of a campaign.
+
+    None where nothing is named, or nothing but `errors` that the campaign has.
+    """
     output = cache / f"{folder.parent.name}-{folder.name}-lead.json"
     if not output.exists():
         setup = load_setup(folder / "setup.toml")
@@ -39,9 +44,10 @@ def lead(folder: Path, cache: Path) -> float | None:
         prepared = prepare(campaign, baseline_from_setup(setup, campaign))
         catalogue = [effect for forms in CATALOGUE.values() for effect in forms]
         naming = name_effects(prepared.forward, prepared.fit, catalogue)
-        write_text_whole(output, json.dumps(lead_of_inputs(prepared, naming)))
-    found = json.loads(output.read_text(encoding="utf-8"))
-    return None if found is None else float(found)
+        names = () if naming.best is None else naming.best.ids
+        write_text_whole(output, json.dumps((lead_of_inputs(prepared, naming), names)))
+    found, names = json.loads(output.read_text(encoding="utf-8"))
+    return None if found is None or set(names) <= {*errors} else float(found)
 
 
 def fit_cost(careful: Iterable[float], concealed: Iterable[float]) -> tuple[float, float]:
@@ -59,10 +65,10 @@ def fit_cost(careful: Iterable[float], concealed: Iterable[float]) -> tuple[floa
     return cost, 1.0 / np.sqrt(max(information, 1e-12))
 
 
-def _leads(source: Path, cache: Path, most: int) -> list[float]:
+def _leads(source: Path, cache: Path, most: int, errors: Collection[str] = ()) -> list[float]:
     folders = [p.parent for p in sorted(source.glob("*/setup.toml"))]
     struck = [folder for folder in folders if (folder / "ball.csv").exists()]
-    return [one for folder in struck[:most] if (one := lead(folder, cache)) is not None]
+    return [one for folder in struck[:most] if (one := lead(folder, cache, errors)) is not None]
 
 
 def _print_reliability(careful: list[float], concealed: list[float], cost: float) -> None:
@@ -84,7 +90,8 @@ def main() -> None:
     parser.add_argument("--most", type=int, default=24, help="campaigns of each folder")
     options = parser.parse_args()
     options.cache.mkdir(parents=True, exist_ok=True)
-    careful = _leads(options.careful, options.cache, options.most)
+    errors = {law.id for law in INSTRUMENTS}
+    careful = _leads(options.careful, options.cache, options.most, errors)
     concealed = [
         one for source in options.concealed for one in _leads(source, options.cache, options.most)
     ]

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chdtri
 
 from mismatch.candidates import Candidate
 from mismatch.fitting.fit import Fit
@@ -13,7 +12,6 @@ from mismatch.fitting.hypotheses import (
     as_fitted,
     fit_hypothesis,
     group_tolerance,
-    price_of_weights,
 )
 from mismatch.fitting.prepare import Prepared
 from mismatch.fitting.stated import usual_inputs
@@ -37,7 +35,7 @@ class BesideInputs:
         The baseline with these errors open, where they alone have more evidence than the answer, or
         one of the sets by more than cannot be distinguished: then they belong into every fit.
     lead : float
-        Evidence by which the best of the sets is ahead of the answer.
+        Evidence by which the best of the sets is ahead of the answer, beyond what it must be.
     """
 
     sets: tuple[Hypothesis, ...]
@@ -45,13 +43,10 @@ class BesideInputs:
     lead: float = 0.0
 
 
-CHANCE = 0.01
-"""Probability with which inputs that are right gain as much next to an answer. Convention."""
-
-PRIOR_COST = 3.3
-"""Chi-square units by which errors of the inputs must be ahead of names, prior odds of five to one
-that a set-up file is right where a law explains as much. Fitted, 3.3 ± 2.0: training/fit_inputs.py,
-careful laboratories against medium effects of the foreign worlds."""
+PRIOR_COST = -13.4
+"""Chi-square units by which errors of the inputs must be ahead of names. Below zero: names have not
+paid for being chosen among many of any strength. Fitted, -13.4 ± 1.5: training/fit_inputs.py,
+careful laboratories against medium effects of the own generator and of a foreign world."""
 
 
 def beside_usual_inputs(prepared: Prepared, naming: Naming) -> BesideInputs:
@@ -70,15 +65,16 @@ def beside_usual_inputs(prepared: Prepared, naming: Naming) -> BesideInputs:
     inputs = instead[0].members[0].effect
     both = _beside(forward, prepared.fit, best, inputs)
     height = naming.height(best)
-    chance = float(chdtri(len(inputs.parameters), CHANCE)) * best.reduced_chi2
-    # Next to a name that stays, errors that are not surely ahead compete with each further one.
-    limits = (height, *[height + group_tolerance(best)] * len(others), height + chance)
+    # Next to a name that stays, errors that are not surely ahead compete with each further one;
+    # next to all names they take the place of none, and have no odds against them.
+    limits = (height, *[height + group_tolerance(best)] * len(others), height - PRIOR_COST)
     found = (alone, *others, both.penalised_gain)
-    if all(one <= limit for one, limit in zip(found, limits, strict=True)):
+    lead = max(one - limit for one, limit in zip(found, limits, strict=True))
+    if lead <= 0.0:
         return BesideInputs(instead, None)
     baseline = replace(forward.baseline, instruments=(*forward.baseline.instruments, inputs))
     opened = replace(prepared, forward=replace(forward, baseline=baseline), fit=instead[0].fit)
-    return BesideInputs((both, *instead), opened, max(found) - height)
+    return BesideInputs((both, *instead), opened, lead)
 
 
 def lead_of_inputs(prepared: Prepared, naming: Naming) -> float | None:
@@ -117,8 +113,8 @@ def _in_place_of_names(
 def _beside(forward: Forward, base: Fit, found: Hypothesis | None, inputs: Effect) -> Hypothesis:
     """A set of names and the errors of the inputs, fitted together.
 
-    Every laboratory has such errors: they cost what they are large, not that they are looked for,
-    and next to names they are no further name.
+    Their evidence is integrated over the sizes that careful laboratories have: errors that all turn
+    out far smaller speak for inputs that are exact. Next to names they are no further name.
     """
     members, strengths = ([], []) if found is None else as_fitted(found.members, found.fit)
     start = None if found is None else found.fit
@@ -127,5 +123,4 @@ def _beside(forward: Forward, base: Fit, found: Hypothesis | None, inputs: Effec
         forward, base, [*members, blank], [*strengths, np.zeros(len(inputs.parameters))],
         start=start,
     )  # fmt: skip
-    spared = price_of_weights(h.fit, [inputs]) + (MEMBER_PENALTY if members else 0.0)
-    return replace(h, gain=h.gain + spared - PRIOR_COST)
+    return replace(h, gain=h.gain + (MEMBER_PENALTY if members else 0.0) - PRIOR_COST)

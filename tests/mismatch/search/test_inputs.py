@@ -11,11 +11,12 @@ from mismatch.fitting.stated import stated_inputs, usual_inputs
 from mismatch.records import Baseline
 from mismatch.search import inputs
 from mismatch.search.inputs import beside_usual_inputs
-from mismatch.search.naming import Naming
+from mismatch.search.naming import Naming, name_effects
 from physics.effects import CATALOGUE
 from tests.mismatch.synthetic import struck_campaign
 
 INPUTS = usual_inputs((), ())
+CLOCK = CATALOGUE["time_base"][0]
 USUAL = {
     "inertia": 0.002, "ball_mass": -0.001, "scale": 0.0016, "level": 0.0007, "zero": 0.0009,
     "rate": -0.0003, "origin_y": 0.0006,
@@ -56,6 +57,17 @@ def test_inputs_without_errors_leave_the_baseline_as_it_is():
     assert other == pytest.approx(plain, abs=1e-12)
     nothing = Naming(None, (), 12.0, SimpleNamespace(candidates=()))
     assert beside_usual_inputs(prepared, nothing).opened is None
+
+
+@pytest.mark.parametrize(
+    ("added", "opened"), [((CLOCK, {"rate_error": -8e-4}), False), ((INPUTS, USUAL), True)]
+)
+def test_errors_far_smaller_than_usual_take_the_place_of_no_name(added, opened):
+    """A clock off by 0.08 % was set aside for errors all below 0.7 of their usual size."""
+    prepared = prepare(*struck_campaign(added, seed=8))
+    found = name_effects(prepared.forward, prepared.fit, CATALOGUE["time_base"], unnamed=False)
+    assert found.best is not None
+    assert (beside_usual_inputs(prepared, found).opened is not None) == opened
 
 
 def _spread(prepared):
