@@ -242,12 +242,11 @@ def _together_without(naming: Naming, best: Hypothesis, identity: str) -> float:
     imperfect form leaves it.
     """
     heights: dict[frozenset[str], float] = {}
-    for h in sorted(naming.tried, key=lambda h: len(h.members)):
-        if h.allowed and identity not in h.ids and not h.has_unnamed:
-            ids = frozenset(h.ids)
-            smaller = [one for one in heights if one <= ids]
-            ids = max(smaller, key=lambda one: heights[one], default=ids)
-            heights[ids] = max(naming.height(h), heights.get(ids, -math.inf))
+    for h in sorted(naming.without(identity), key=lambda h: len(h.members)):
+        ids = frozenset(h.ids)
+        smaller = [one for one in heights if one <= ids]
+        ids = max(smaller, key=lambda one: heights[one], default=ids)
+        heights[ids] = max(naming.height(h), heights.get(ids, -math.inf))
     evidence = np.array([naming.threshold - 6.0, *heights.values()])
     unit = _unit_of_odds(naming, best)
     top = float(evidence.max())

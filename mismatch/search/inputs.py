@@ -11,7 +11,6 @@ from mismatch.fitting.hypotheses import (
     Hypothesis,
     as_fitted,
     fit_hypothesis,
-    group_tolerance,
 )
 from mismatch.fitting.prepare import Prepared
 from mismatch.fitting.stated import usual_inputs
@@ -32,8 +31,8 @@ class BesideInputs:
         Those errors alone, and next to the answer without each of its names; next to all of it
         where they belong into every fit.
     opened : Prepared or None
-        The baseline with these errors open, where they alone have more evidence than the answer, or
-        one of the sets by more than cannot be distinguished: then they belong into every fit.
+        The baseline with these errors open, where one of the sets has more evidence than the
+        answer: then they belong into every fit.
     lead : float
         Evidence by which the best of the sets is ahead of the answer, beyond what it must be.
     """
@@ -64,12 +63,9 @@ def beside_usual_inputs(prepared: Prepared, naming: Naming) -> BesideInputs:
     alone, *others = (h.penalised_gain for h in instead)
     inputs = instead[0].members[0].effect
     both = _beside(forward, prepared.fit, best, inputs)
-    height = naming.height(best)
-    # Next to a name that stays, errors that are not surely ahead compete with each further one;
-    # next to all names they take the place of none, and have no odds against them.
-    limits = (height, *[height + group_tolerance(best)] * len(others), height - PRIOR_COST)
-    found = (alone, *others, both.penalised_gain)
-    lead = max(one - limit for one, limit in zip(found, limits, strict=True))
+    # Next to all names errors take the place of none: they are no further name, and have no odds.
+    beside_all = both.penalised_gain + MEMBER_PENALTY + PRIOR_COST
+    lead = max(alone, *others, beside_all) - naming.height(best)
     if lead <= 0.0:
         return BesideInputs(instead, None)
     baseline = replace(forward.baseline, instruments=(*forward.baseline.instruments, inputs))
@@ -114,7 +110,8 @@ def _beside(forward: Forward, base: Fit, found: Hypothesis | None, inputs: Effec
     """A set of names and the errors of the inputs, fitted together.
 
     Their evidence is integrated over the sizes that careful laboratories have: errors that all turn
-    out far smaller speak for inputs that are exact. Next to names they are no further name.
+    out far smaller speak for inputs that are exact. In place of a further name they cost what that
+    costs, so that the odds against a name are the same alone and beside others.
     """
     members, strengths = ([], []) if found is None else as_fitted(found.members, found.fit)
     start = None if found is None else found.fit
@@ -123,4 +120,4 @@ def _beside(forward: Forward, base: Fit, found: Hypothesis | None, inputs: Effec
         forward, base, [*members, blank], [*strengths, np.zeros(len(inputs.parameters))],
         start=start,
     )  # fmt: skip
-    return replace(h, gain=h.gain + (MEMBER_PENALTY if members else 0.0) - PRIOR_COST)
+    return replace(h, gain=h.gain - PRIOR_COST)

@@ -37,6 +37,7 @@ from mismatch.fitting.hypotheses import (
     second_effect_share,
 )
 from mismatch.fitting.scan import Scan, robust_spread, scan
+from mismatch.fitting.stated import USUAL_INPUTS
 from mismatch.forward import Forward
 from mismatch.sanity import drifting_clock, dropped_in_each
 from mismatch.search.unnamed import SmoothCurve
@@ -292,15 +293,18 @@ class Naming:
             <= (tolerance if len(h.members) < size else EXCLUDED * best.reduced_chi2)
         ]
 
-    def best_without(self, identity: str) -> Hypothesis | None:
-        """The best allowed set of names, of any size, that does without one of them.
+    def without(self, identity: str) -> list[Hypothesis]:
+        """Allowed sets of names, of any size, that do without one of them.
 
-        Forces without a name are compared with the whole answer: one may contain a named law.
+        Forces without a name are compared with the whole answer, since one may contain a named law;
+        usual errors of the inputs have odds of their own.
         """
-        others = [
-            h for h in self.tried if h.allowed and identity not in h.ids and not h.has_unnamed
-        ]
-        best = max(others, key=lambda h: h.penalised_gain, default=None)
+        apart = {identity, EffectId.UNNAMED, USUAL_INPUTS}
+        return [h for h in self.tried if h.allowed and apart.isdisjoint(h.ids)]
+
+    def best_without(self, identity: str) -> Hypothesis | None:
+        """The best of these sets; None where none is better than the baseline."""
+        best = max(self.without(identity), key=lambda h: h.penalised_gain, default=None)
         return best if best is not None and best.penalised_gain > 0.0 else None
 
     def height(self, h: Hypothesis) -> float:

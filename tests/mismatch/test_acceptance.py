@@ -289,6 +289,8 @@ def test_a_name_has_its_share_against_usual_errors(lead, monkeypatch):
     naming = Naming(pair, (pair, instead), 12.0, SimpleNamespace(candidates=()))
     friction, lens = evidence_for_names(None, _fit([], []), naming, {}, False)
     assert friction.log_odds_over_inputs > 10.0
+    naming = Naming(pair, (pair,), 12.0, SimpleNamespace(candidates=()))
+    assert lens.log_odds == evidence_for_names(None, _fit([], []), naming, {}, False)[1].log_odds
     odds = -0.5 * lead / (1.0 + FORM_ERROR * pair.penalised_gain / ODDS)
     assert lens.log_odds_over_inputs == pytest.approx(odds)
     found = calibrated_probability(replace(SURE, log_odds_over_inputs=odds))

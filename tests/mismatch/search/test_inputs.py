@@ -78,16 +78,13 @@ def _spread(prepared):
 
 @pytest.mark.parametrize(
     ("alone", "beside", "opened"),
-    [(90.0, 107.0, False), (90.0, 108.0, True), (101.0, 90.0, True), (-101.0, 108.0, False)],
+    [(90.0, 99.0, False), (90.0, 101.0, True), (101.0, 90.0, True), (-101.0, 108.0, False)],
 )
-def test_inputs_in_place_of_a_further_name_have_to_be_surely_ahead(
-    alone, beside, opened, monkeypatch
-):
+def test_inputs_are_opened_where_they_are_ahead(alone, beside, opened, monkeypatch):
     """A rolling shutter next to a lens was left out: usual errors were 2 of 1,713 ahead."""
     sets = (_set_with_inputs(alone), _set_with_inputs(beside, names=1))
     monkeypatch.setattr(inputs, "_in_place_of_names", lambda *_: sets)
     monkeypatch.setattr(inputs, "_beside", lambda *_: _set_with_inputs(0.0))
-    monkeypatch.setattr(inputs, "group_tolerance", lambda _: 7.0)
     forward = SimpleNamespace(mode="impact", baseline=Baseline({}))
     best = SimpleNamespace(reduced_chi2=1.0)
     naming = SimpleNamespace(best=best, height=lambda _: 100.0)
@@ -103,6 +100,16 @@ def _set_with_inputs(evidence, names=0):
     members = (SimpleNamespace(effect=INPUTS),) * (1 + names)
     allowed = evidence >= 0.0
     return SimpleNamespace(penalised_gain=abs(evidence), members=members, fit=None, allowed=allowed)
+
+
+def test_inputs_have_the_same_odds_in_place_of_a_first_and_of_a_further_name(monkeypatch):
+    """Beside a name they were spared what a further name costs: a right lens got 0.15."""
+    monkeypatch.setattr(inputs, "fit_hypothesis", lambda *_, **__: SimpleNamespace(gain=50.0))
+    monkeypatch.setattr(inputs, "as_fitted", lambda members, _: ([*members], [0.0]))
+    monkeypatch.setattr(inputs, "replace", lambda _, gain: gain)
+    named = SimpleNamespace(members=("support_friction",), fit=None)
+    gains = [inputs._beside(None, None, found, INPUTS) for found in (None, named)]
+    assert gains[0] == gains[1] == 50.0 - inputs.PRIOR_COST
 
 
 def test_what_is_open_or_named_already_is_not_opened_twice():
