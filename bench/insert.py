@@ -75,6 +75,7 @@ def values() -> dict[str, Callable[[], str]]:
         "everywhere": _everywhere_text,
         "hostile": _hostile_text,
         "inputs": _inputs_text,
+        "large": _large_text,
         "page": _page_text,
         "cost.table": _cost_table,
         "real.table": _real_table,
@@ -188,6 +189,13 @@ def _inputs_text(found: Record) -> str:
     failed = [name for name, verdict in found.items() if verdict not in ("right", "explained")]
     listed = ", ".join(f"{count} {one}" for one, count in counts.items())
     return f"of {len(found)} inputs {listed}" + (f" ({'; '.join(failed)})" if failed else "")
+
+
+def _large_text(found: Record) -> str:
+    """CPU time and memory of large inputs."""
+    return "; ".join(
+        f"{name}: {one['seconds']:.1f} s, {one['megabytes']} MB" for name, one in found.items()
+    )
 
 
 def _everywhere_text(found: Record) -> str:

@@ -1,9 +1,9 @@
 """Measure inputs as people hand them in, and print what comes out of each.
 
 ``python -m bench.inputs [NAME…] [--json FILE]`` runs ``../shared/inputs`` and clips made from its
-strike. With --json the outcomes of all are stored, for the docs. An outcome is *right* if every
-compared quantity is within three standard uncertainties of the truth, *explained* if the refusal or
-a warning names the cure, *wrong*, *misdiagnosed*, or a *crash*.
+strike. With --json the outcomes are stored, for the docs; inputs that are not run keep theirs. An
+outcome is *right* if every compared quantity is within three standard uncertainties of the truth,
+*explained* if the refusal or a warning names the cure, *wrong*, *misdiagnosed*, or a *crash*.
 """
 
 import argparse
@@ -31,7 +31,7 @@ from pipelines.interop.measured import measure_from_tracks
 from pipelines.interop.tables import parse_columns
 from vision.clip.clip import ClipReader
 
-__all__ = ["CASES", "Case", "verdict_of"]
+__all__ = ["CASES", "Case", "verdict_of", "written"]
 
 Gray = NDArray[np.uint8]
 
@@ -123,9 +123,10 @@ def _clip(
     return run
 
 
-def _written(
+def written(
     pictures: Sequence[Gray], path: Path, stamps: Sequence[int] | None = None, rate: int = 30
 ) -> Path:
+    """A clip of gray pictures."""
     with av.open(str(path), "w") as container:
         stream = container.add_stream("libx264", rate=rate, options={"crf": "12"})
         stream.height, stream.width = pictures[0].shape
@@ -160,7 +161,7 @@ def _lost(count: int) -> Callable[[list[Gray], Path], Path]:
 
     def make(pictures: list[Gray], folder: Path) -> Path:
         kept = _without(pictures, [(150, 149 + count)])
-        return _written([pictures[number] for number in kept], folder / "lost.mkv")
+        return written([pictures[number] for number in kept], folder / "lost.mkv")
 
     return make
 
@@ -192,19 +193,24 @@ def _ramp(factor: int) -> Callable[[list[Gray], Path], Path]:
         first, last = len(pictures) // 5, 3 * len(pictures) // 5
         normal = range(0, len(pictures), factor)
         kept = sorted({*range(first, last), *(k for k in normal if not first <= k < last)})
-        return _written([pictures[number] for number in kept], folder / "ramp.mkv")
+        return written([pictures[number] for number in kept], folder / "ramp.mkv")
 
     return make
 
 
 def _framed(pictures: list[Gray], folder: Path) -> Path:
     """A clip between black bars on all sides, which cover more than half of it."""
-    return _written([np.pad(one, ((30, 30), (40, 40))) for one in pictures], folder / "bars.mp4")
+    return written([np.pad(one, ((30, 30), (40, 40))) for one in pictures], folder / "bars.mp4")
 
 
-def _enlarged(pictures: list[Gray], folder: Path) -> Path:
-    larger = [cv2.resize(one, None, fx=3, fy=3, interpolation=cv2.INTER_CUBIC) for one in pictures]
-    return _written(larger, folder / "larger.mp4")
+def _enlarged(factor: int, kind: int) -> Callable[[list[Gray], Path], Path]:
+    def make(pictures: list[Gray], folder: Path) -> Path:
+        larger = [
+            cv2.resize(one, None, fx=factor, fy=factor, interpolation=kind) for one in pictures
+        ]
+        return written(larger, folder / "larger.mp4")
+
+    return make
 
 
 def _two_quotes(_: Path) -> None:
@@ -261,7 +267,7 @@ CASES = (
     ),
     Case(
         "every picture twice",
-        _clip(lambda p, d: _written([q for q in p for _ in range(2)], d / "twice.mkv"), fps="600"),
+        _clip(lambda p, d: written([q for q in p for _ in range(2)], d / "twice.mkv"), fps="600"),
     ),
     *(
         Case(f"{count} pictures lost", _clip(_lost(count), fps="600"), "frames are missing")
@@ -272,7 +278,9 @@ CASES = (
         for factor in (4, 8)
     ),
     Case("black bars around", _clip(_framed, fps="600")),
-    Case("enlarged 3 times", _clip(_enlarged, fps="600")),
+    Case("enlarged 3 times", _clip(_enlarged(3, cv2.INTER_CUBIC), fps="600")),
+    Case("each pixel doubled", _clip(_enlarged(2, cv2.INTER_NEAREST), fps="600")),
+    Case("doubled in size", _clip(_enlarged(2, cv2.INTER_LINEAR), fps="600")),
     Case("animated WebP", _clip(_webp, fps="600")),
     Case("raw Bayer TIFF", _clip(_raw, fps="600")),
     *(Case(name, _as_written(write)) for name, write in TABLES.items()),
@@ -299,6 +307,9 @@ def main() -> None:
     counts = Counter(outcomes.values())
     print("\n" + ", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
     if asked.json is not None:
+        kept = json.loads(asked.json.read_text()) if asked.json.exists() else {}
+        outcomes = {one.name: {**kept, **outcomes}[one.name] for one in CASES
+                    if one.name in {**kept, **outcomes}}  # fmt: skip
         write_text_whole(asked.json, json.dumps(outcomes, indent=1) + "\n")
 
 
