@@ -653,7 +653,9 @@ def grow(image: FloatArray, seed: Seed) -> tuple[GridMap, MapSupport]:
         for _ in range(2):
             seen = there.demodulated(current.turns(image.shape, part), at)
             current = _fitted(current, pixels[near], seen.phase[:, here], seen.coherence[:, here])
-        if reach > farthest:
+        agree = (seen.coherence[:, here] > MIN_COHERENCE).all(axis=0)
+        if reach > farthest or not agree.any():
+            # where the map agrees nowhere there is nothing to extend it from
             break
         reach *= REGION_GROWTH
     support = contrast.demodulated(current.turns(image.shape))
