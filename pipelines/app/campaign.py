@@ -242,6 +242,13 @@ class FolderSession:
             words += [f"--{name.replace('_', '-')}", str(text)]
         return as_typed([*words, "--out", self.out])
 
+    def as_python(self) -> str:
+        """The same campaign in Python."""
+        given = {**self._arguments(), "out": self.out}
+        arguments = "".join(f", {name}={str(text)!r}" for name, text in given.items())
+        called = f"iv.campaign({str(self.clips or self.out)!r}{arguments})"
+        return f"import impact_vision as iv\n\nc = {called}\nprint(c)"
+
     def mark(self, clip: str, reason: str | None) -> None:
         """Mark a trial as bad, or remove the mark with None.
 

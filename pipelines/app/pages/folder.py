@@ -19,6 +19,7 @@ from pipelines.app.campaign import (
     Wanted,
 )
 from pipelines.app.graphs import SERIES_COLOURS
+from pipelines.app.pages.clip import copy_card
 from pipelines.app.pages.frame import heading
 from pipelines.app.words import Say, label_of, on_page
 
@@ -112,6 +113,8 @@ class FolderPage:
                 self._problem.props("data-test=problem").set_visibility(False)
                 if self.folder.clips is not None:
                     self._form()
+            if self.folder.clips is not None:
+                self.repeats()
             with ui.column().classes("va-card") as self._plot:
                 heading("h2", say("cor_graph"))
                 self._chart = ui.echart(
@@ -143,7 +146,7 @@ class FolderPage:
         def begin() -> None:
             asked = {name: str(field.value or "").strip() for name, field in texts.items()}
             self.folder.begin(FolderInputs(**asked))
-            command.text = self.folder.as_command()
+            self.repeats.refresh()
 
         with ui.row().classes("w-full items-center gap-3"):
             button = ui.button(say("measure_all"), on_click=begin)
@@ -159,8 +162,10 @@ class FolderPage:
         def paste() -> None:
             texts["trials"].value = self.folder.paste(str(sheet.value or ""))
 
-        with ui.element("pre").classes("va-code").props("data-test=as_command"):
-            command = ui.label(self.folder.as_command())
+    @ui.refreshable_method
+    def repeats(self) -> None:
+        """The same campaign as a command and in Python."""
+        copy_card(self.say, self.folder.as_command(), self.folder.as_python())
 
     def _choose(self, event: Any) -> None:
         self._show = event.value

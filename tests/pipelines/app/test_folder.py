@@ -127,11 +127,17 @@ def test_inputs_are_kept_in_the_folder_and_a_wrong_file_is_a_sentence(tmp_path: 
         f"vision campaign {tmp_path} --trials {tmp_path}/trials.csv --setup {tmp_path}/lab.toml"
         f" --out {tmp_path}/results"
     )
+    assert folder.as_python().splitlines()[2] == (
+        f"c = iv.campaign('{tmp_path}', trials='{tmp_path}/trials.csv',"
+        f" setup='{tmp_path}/lab.toml', out='{tmp_path}/results')"
+    )
     # there is no clip: the run ends with a sentence, and the inputs are kept
     folder.begin(FolderInputs(fps="600"))
     folder.finish()
     assert "there is no clip" in folder.problem
     assert not folder.running
+    with pytest.raises(UsageError, match="there is no clip"):
+        exec(folder.as_python(), {})
     assert FolderSession.of(tmp_path).inputs == FolderInputs(fps="600")
     for text, said in (("[", "not valid TOML"), ("speed = '1'", "speed"), ("fps = 6", "fps")):
         (tmp_path / "vision-app.toml").write_text(text)
@@ -229,5 +235,7 @@ def test_a_sheet_is_pasted_in_a_browser(browser: Any, tmp_path: Path) -> None:
         page.click("[data-test=paste]")
         until(page, lambda: page.input_value("[data-test=trials]") == "trials.csv")
         assert (clips / "trials.csv").read_text() == "clip\tball\na.mp4\tjokku\n"
+        page.click("[data-test=measure-all]")
+        until(page, lambda: "trials.csv'" in page.inner_text("[data-test=as_python]"))
         page.set_viewport_size({"width": 390, "height": 800})
         assert page.evaluate("document.documentElement.scrollWidth") <= 390
