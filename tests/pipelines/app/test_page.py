@@ -14,7 +14,12 @@ import pytest
 
 from bench.page.served import ROOT, running
 from measuring.setup.file import load_setup
-from pipelines.app.corrections import ClipInputs, corrections_file, read_corrections
+from pipelines.app.corrections import (
+    FIXED_POINTS,
+    ClipInputs,
+    corrections_file,
+    read_corrections,
+)
 from tests.pipelines.app.small import CLIP, FALL, falling
 from tests.pipelines.calibrate.wizard_page import chromium, opened_plain, until
 
@@ -37,11 +42,19 @@ def shown(page: Any) -> int:
     return int(page.get_attribute("[data-test=stage]", "data-shown") or -1)
 
 
-def on_stage(page: Any, x: float, y: float) -> tuple[float, float]:
-    """Where a pixel of the clip (120 px wide) is on the page."""
+def on_stage(page: Any, x: float, y: float, width: int = 120) -> tuple[float, float]:
+    """Where a pixel of the clip is on the page."""
     box = page.locator("[data-test=stage]").bounding_box()
-    scale = box["width"] / 120
+    scale = box["width"] / width
     return box["x"] + (x + 0.5) * scale, box["y"] + (y + 0.5) * scale
+
+
+def dragged(page: Any, start: Any, end: Any, width: int = 120) -> None:
+    """Drag what is at a pixel of the clip to another one."""
+    page.mouse.move(*on_stage(page, *start, width))
+    page.mouse.down()
+    page.mouse.move(*on_stage(page, *end, width), steps=5)
+    page.mouse.up()
 
 
 def test_a_clip_from_numbers_to_a_correction(browser: Any, tmp_path: Path) -> None:
@@ -225,10 +238,7 @@ def test_a_stick_in_the_frame_sets_the_scale(browser: Any, tmp_path: Path) -> No
         assert held is not None
         assert (held.x1_px, held.y1_px) == (59.5, 98.5)
         page.wait_for_selector("[data-test=stage]:not(.vs-pointing)")
-        page.mouse.move(*on_stage(page, held.x1_px, held.y1_px))
-        page.mouse.down()
-        page.mouse.move(*on_stage(page, 100.0, 150.0), steps=5)
-        page.mouse.up()
+        dragged(page, (held.x1_px, held.y1_px), (100.0, 150.0))
         until(page, lambda: "--scale" in page.inner_text("[data-test=as_command]"))
         until(page, lambda: (there := read_corrections(file).stick) is not None and there != held)
         moved = read_corrections(file).stick
@@ -250,6 +260,57 @@ def test_a_stick_in_the_frame_sets_the_scale(browser: Any, tmp_path: Path) -> No
             page.mouse.click(*on_stage(page, x, 150.0))
             page.wait_for_timeout(600)
         until(page, lambda: "3 kg" in page.inner_text(".q-notification"))
+
+
+@pytest.mark.slow
+def test_mass_pivot_landing_and_axes_are_dragged(browser: Any, tmp_path: Path) -> None:
+    path, wide = tmp_path / "strike.mp4", 208
+    for suffix in (".mp4", ".toml"):
+        shutil.copyfile(CLIP.with_suffix(suffix), path.with_suffix(suffix))
+    file = corrections_file(path)
+    with served(str(path)) as address:
+        page = opened_plain(browser, address)
+        page.wait_for_selector("[data-test=busy]")
+        page.wait_for_selector("[data-test=busy]", state="detached")
+        page.focus("[data-test=stage]")
+        page.keyboard.press("Home")
+        until(page, lambda: shown(page) == 0)
+        until(page, lambda: page.locator("circle.vs-mass").count() == 2)
+        circle = page.locator("circle.vs-mass").first
+        x, y = (float(circle.get_attribute(name)) for name in ("cx", "cy"))
+        dragged(page, (x, y), (x + 3.0, y - 2.0), wide)
+        until(page, lambda: file.is_file() and read_corrections(file).mass is not None)
+        mass = read_corrections(file).mass
+        assert mass is not None
+        assert (mass.frame, mass.moved) == (0, False)
+        assert (mass.x_px, mass.y_px) == pytest.approx((x + 3.0, y - 2.0), abs=0.3)
+
+        def place_of(kind: str) -> list[float]:
+            until(page, lambda: len(page.evaluate(f"visionViewer.at('{kind}')")) == 2)
+            return list(page.evaluate(f"visionViewer.at('{kind}')"))
+
+        for kind in FIXED_POINTS:
+            x, y = place_of(kind)
+            dragged(page, (x, y), (x + 5.0, y - 4.0), wide)
+            until(page, lambda kind=kind: getattr(read_corrections(file), kind) is not None)
+            there = getattr(read_corrections(file), kind)
+            assert there == pytest.approx((x + 5.0, y - 4.0), abs=0.3)
+
+        page.click("[data-test=point-axes]")
+        page.wait_for_selector("[data-test=stage].vs-pointing")
+        page.mouse.click(*on_stage(page, 100.0, 70.0, wide))
+        until(page, lambda: read_corrections(file).axes is not None)
+        page.wait_for_selector("[data-test=stage]:not(.vs-pointing)")
+        dragged(page, place_of("axes"), (110.0, 60.0), wide)
+        until(page, lambda: abs(read_corrections(file).axes.x_px - 110.0) < 0.3)
+        until(page, lambda: abs(place_of("axes")[0] - 110.0) < 0.3)
+        # 30° counter-clockwise
+        dragged(page, place_of("axes_x"), (110.0 + 34.6, 60.0 - 20.0), wide)
+        until(page, lambda: read_corrections(file).axes.turn_deg != 0.0)
+        axes = read_corrections(file).axes
+        assert axes is not None
+        assert (axes.x_px, axes.y_px) == pytest.approx((110.0, 60.0), abs=0.3)
+        assert axes.turn_deg == pytest.approx(30.0, abs=0.7)
 
 
 @pytest.mark.slow
