@@ -559,16 +559,20 @@ def _one_scene(clip: "ClipReader", at: Point | None, kept: KeptResults) -> _Reco
     footage = kept.once("footage", id(clip), lambda: Footage(clip))
     if len(footage.parts) == 1:
         return _Recording(footage, footage.whole_count, footage.parts[0])
-    chosen = max(footage.parts, key=footage.moved_in)
+    forwards = [one for one in footage.parts if one[0] < (footage.backwards or one[1])]
+    chosen = max(forwards, key=footage.moved_in)
     if at is not None and len(at) == 3:
         frame = at[2]
         chosen = next((part for part in footage.parts if part[0] <= frame < part[1]), chosen)
     cuts = ", ".join(f"{part[0] - 1} and {part[0]}" for part in footage.parts[1:])
+    only = f"Only frames {chosen[0]} to {chosen[1] - 1} are measured"
     said = (
-        f"The clip is cut between frames {cuts}: another scene or a fade. Only frames"
-        f" {chosen[0]} to {chosen[1] - 1} are measured; cut the others out and measure them, or "
-        "point into one with --ball-at X,Y,FRAME."
+        f"The clip is cut between frames {cuts}: another scene or a fade. {only}; cut the others"
+        " out and measure them, or point into one with --ball-at X,Y,FRAME."
     )
+    if footage.backwards is not None:
+        back = f"From frame {footage.backwards} on the clip shows the same backwards (a boomerang)"
+        said = f"{back}. {only}."
     part = kept.once("part", (id(clip), chosen), lambda: Footage(clip, part=chosen))
     return _Recording(part, footage.whole_count, chosen, said=(said,))
 

@@ -5,6 +5,7 @@ import pytest
 
 from metrology import ClipError, NotFoundError
 from tests.vision.ball.painted import PaintedClip, exposed, wall, with_ball, with_box
+from vision.clip.footage import Footage
 from vision.following import follow
 from vision.tracks import MotionKind, MotionModel
 
@@ -84,6 +85,32 @@ def test_a_clip_that_is_cut_is_measured_in_one_part_and_told() -> None:
     assert tracks.ball.frame[0] >= 20
     off = np.hypot(*(tracks.ball.centre_px - np.array(places)[tracks.ball.frame - 20]).T)
     assert np.median(off) < 0.3
+
+
+@pytest.mark.parametrize("again", [0, 1])
+def test_a_clip_that_goes_on_backwards_is_measured_until_it_turns_round(again: int) -> None:
+    flying = wall(120, 240)
+    places = [(40.0 + 4.0 * k, 70.0 - 2.2 * k + 0.05 * k**2) for k in range(36)]
+    # the turning frame once or twice; what is stored again is not the same to the gray level
+    shown = [*places, *places[::-1][again:]]
+    pictures = [
+        exposed(with_ball(flying, place, 10.0), 1.5, seed) for seed, place in enumerate(shown)
+    ]
+    tracks = follow(PaintedClip(pictures), 30.0)  # type: ignore[arg-type]
+    assert any("From frame 36 on" in said and "backwards" in said for said in tracks.warnings)
+    assert tracks.ball.frame[-1] < 36
+    off = np.hypot(*(tracks.ball.centre_px - np.array(places)[tracks.ball.frame]).T)
+    assert np.median(off) < 0.3
+
+
+def test_a_bob_that_comes_back_is_no_clip_shown_backwards() -> None:
+    for count in (80, 85, 90):
+        scene, turn = wall(120, 240), 0.12 * np.arange(count) + 0.4
+        places = [(120.0 + 70.0 * np.cos(one), 60.0 + 8.0 * np.sin(one) ** 2) for one in turn]
+        pictures = [
+            exposed(with_ball(scene, place, 10.0), 1.5, seed) for seed, place in enumerate(places)
+        ]
+        assert Footage(PaintedClip(pictures)).backwards is None  # type: ignore[arg-type]
 
 
 def test_blank_and_faded_ends_of_an_edited_clip_are_left_out() -> None:

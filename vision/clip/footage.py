@@ -30,6 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from metrology import CalibrationError, ClipError, NotFoundError, UsageError
 from metrology.compiled import compiled
+from vision.clip.boomerang import Boomerang
 from vision.clip.picture import ClipInfo, GrayImage, refuse_giant
 
 if TYPE_CHECKING:
@@ -411,6 +412,8 @@ class Footage:
     ----------
     parts : tuple of (int, int)
         First frame, and the one after the last, of each scene of the clip.
+    backwards : int or None
+        The clip's frame from which it shows the same backwards.
     first : int
         The clip's frame that is frame 0 here.
     started : int
@@ -457,7 +460,10 @@ class Footage:
         gathered.finish()
         self._held: Sequence[GrayFrame] | None = gathered.held
         self.whole_count = begin + len(times)
-        marks = [begin, *(begin + first for first in gathered.cuts.first), self.whole_count]
+        turned = gathered.boomerang.turned
+        self.backwards = None if turned is None else begin + turned
+        firsts = {*gathered.cuts.first, *([] if turned is None else [turned])}
+        marks = [begin, *(begin + first for first in sorted(firsts)), self.whole_count]
         self.parts = tuple(pairwise(marks))
         self.first = begin + gathered.first
         beats = _beats(np.array(times))
@@ -692,6 +698,7 @@ class _Gathered:
         self._wanted = sample
         self._motion = MotionClock()
         self.cuts = SceneCuts()
+        self.boomerang = Boomerang()
         self._before_motion: deque[tuple[float, GrayFrame]] = deque()
         self._started = False
         self._last_motion = 0
@@ -706,6 +713,7 @@ class _Gathered:
         """Add the next frame."""
         moved = self._motion.tick(gray)
         self.cuts.add(self._motion.cells)
+        self.boomerang.add(self._motion.cells)
         self._moves += moved
         self._told += 1
         if moved and not self._started:
