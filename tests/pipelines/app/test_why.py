@@ -95,6 +95,12 @@ def test_gravity_alone_explains_a_throw_but_not_one_with_drag() -> None:
     assert "drag" in explained(_with_drag(throw, drag)).sentence
 
 
+def test_gravity_alone_explains_the_flight_before_a_bounce_at_the_right_rate() -> None:
+    inputs = {"ball": "201.75 mm, 0.353 kg", "kind": "bounce"}
+    assert explained(_lesson("bounce", fps="240", **inputs)).sentence.startswith("Nothing is")
+    assert "wrong frame rate" in explained(_lesson("bounce", fps="120", **inputs)).sentence
+
+
 def test_gravity_and_the_seen_length_explain_a_swing() -> None:
     swing = _lesson("swing", fps="60", ball="0.2 m", scale="200 px/m ± 2 px/m")
     # the cord is 0.60 m long
