@@ -177,6 +177,11 @@ _TEXTS: dict[str, tuple[str, str]] = {
         "It stays on this computer: a dropped clip is copied to {folder}.",
         "Sie bleibt auf diesem Rechner: eine Kopie kommt nach {folder}.",
     ),
+    "choose_folder": ("Open a folder", "Einen Ordner öffnen"),
+    "left_out": (
+        "Files that are no clips were left out.",
+        "Dateien, die keine Aufnahmen sind, wurden ausgelassen.",
+    ),
     "path_of": ("Path of a clip or folder", "Pfad einer Aufnahme oder eines Ordners"),
     "not_copied": ("The clip can't be copied: {why}.", "Die Kopie gelingt nicht: {why}."),
     "recent": ("Recent", "Zuletzt geöffnet"),

@@ -53,9 +53,11 @@ class OpenPage:
                     auto_upload=True,
                     multiple=True,
                     on_multi_upload=self._dropped,
+                    on_rejected=lambda: ui.notify(say("left_out")),
                 )
                 drop.props('flat bordered data-test=drop accept="video/*,.webp,.tif,.tiff,.mkv"')
                 drop.classes("w-full")
+                self._choose_folder(drop)
                 ui.label(say("drop_note", folder=self._folder)).classes("va-small")
                 with ui.row().classes("w-full items-center gap-2 no-wrap"):
                     field = ui.input(say("path_of"), placeholder="clips/strike.mp4")
@@ -75,6 +77,14 @@ class OpenPage:
                         name, about = say(_SAMPLE_NAMES[sample.kind]), say(f"sample_{sample.kind}")
                         self._pick(name, about, f"sample-{sample.kind}", self._copy(sample))
             self._how_to_film()
+
+    def _choose_folder(self, drop: ui.upload) -> None:
+        """A button that hands the clips of a folder over as if they were dropped together."""
+        field = ui.element("input").props("type=file webkitdirectory hidden")
+        add = f"getElement({drop.id}).$refs.qRef.addFiles([...event.target.files])"
+        field.on("change", js_handler=f"event => {{ {add}; event.target.value = ''; }}")
+        button = ui.button(self.say("choose_folder")).props("outline dense data-test=choose-folder")
+        button.on("click", js_handler=f"() => getHtmlElement({field.id}).click()")
 
     def _group(self, key: str, entries: list[tuple[str, str, Path]]) -> None:
         with ui.column().classes("va-card"):

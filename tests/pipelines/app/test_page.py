@@ -217,6 +217,24 @@ def test_several_clips_dropped_together_become_a_folder(browser: Any, tmp_path: 
 
 
 @pytest.mark.slow
+def test_the_clips_of_a_chosen_folder_become_one(browser: Any, tmp_path: Path) -> None:
+    chosen, home = tmp_path / "filmed", tmp_path / "home"
+    home.mkdir()
+    chosen.mkdir()
+    (chosen / "notes.txt").write_text("none")
+    for name in ("drop.mp4", "throw.mp4"):
+        shutil.copyfile(ROOT / "docs" / "lessons" / name, chosen / name)
+    with served(cwd=home) as address:
+        page = opened_plain(browser, address)
+        with page.expect_file_chooser() as asked:
+            page.click("[data-test=choose-folder]")
+        asked.value.set_files(chosen)
+        page.wait_for_selector("[data-test='clip-throw.mp4']")
+        assert "left out" in page.inner_text(".q-notification")
+        assert {one.name for one in (home / "clips").iterdir()} == {"drop.mp4", "throw.mp4"}
+
+
+@pytest.mark.slow
 def test_a_stick_in_the_frame_sets_the_scale(browser: Any, tmp_path: Path) -> None:
     path = falling(tmp_path / "drop")
     (tmp_path / "drop.toml").write_text("[camera]\ncapture_fps = 240\n")
