@@ -377,12 +377,23 @@ def test_no_page_has_a_serious_fault_of_accessibility(browser: Any, tmp_path: Pa
         assert faults(page, "fitted") == []
         page.click("[data-test=dark]")
         assert faults(page, "stage") == []
-        for name, ready in (("setup", "panel"), ("why", "explain"), ("export", "sheet")):
+        for name, ready in (("setup", "panel"), ("export", "sheet"), ("why", "explain")):
             page.click(f"[data-test=page-{name}]")
             assert faults(page, ready) == []
+        page.click("[data-test=explain]")
+        assert faults(page, "sentence") == []
         page.click("[data-test=page-open]")
         page.fill("[data-test=place]", str(tmp_path / "clips"))
         page.click("[data-test=open]")
+        assert faults(page, "counts") == []
+        page.click("[data-test=sheet] summary")
+        assert faults(page, "pasted") == []
+        page.click("[data-test=measure-all]")
+        assert faults(page, "mark") == []
+        page.fill("[data-test^=clip-] input", "the ball was not at rest")
+        page.click("[data-test=mark]")
+        assert faults(page, "unmark") == []
+        page.click("[data-test=dark]")
         assert faults(page, "counts") == []
 
 
