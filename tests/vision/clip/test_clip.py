@@ -337,6 +337,33 @@ def test_capture_times_keep_gaps_and_need_no_decoding(tmp_path):
     assert ClipReader.open(tmp_path).capture_times(600.0) == pytest.approx(np.arange(3) / 600)
 
 
+def _in_sixteen_bit(cine: bytes) -> bytes:
+    """A Phantom recording of 8 bit with 257 times its gray levels, as its cameras store 16 bit."""
+    count, info, _, offsets = struct.unpack_from("<20xiIII", cine)
+    width, height = struct.unpack_from("<ii", cine, info + 4)
+    header = bytearray(cine[:offsets])
+    struct.pack_into("<H", header, info + 14, 16)
+    struct.pack_into("<I", header, info + 20, 2 * width * height)
+    blocks = []
+    for place in struct.unpack_from(f"<{count}q", cine, offsets):
+        start = place + struct.unpack_from("<I", cine, place)[0]
+        pixels = np.frombuffer(cine[start : start + width * height], np.uint8).astype("<u2") * 257
+        note = cine[place : start - 4] + struct.pack("<I", 2 * width * height)
+        blocks.append(note + pixels.tobytes())
+    places = offsets + 8 * count + np.cumsum([0, *map(len, blocks[:-1])])
+    return bytes(header) + struct.pack(f"<{count}q", *places.tolist()) + b"".join(blocks)
+
+
+def test_a_phantom_recording_of_16_bit_has_the_same_pictures(tmp_path):
+    phantom = shared_folder("inputs") / "r17_phantom_7_frames.cine"
+    (tmp_path / "deep.cine").write_bytes(_in_sixteen_bit(phantom.read_bytes()))
+    deep = list(ClipReader.open(tmp_path / "deep.cine").frames())
+    plain = list(ClipReader.open(phantom).frames())
+    assert len(deep) == len(plain)
+    for one, other in zip(deep, plain, strict=True):
+        assert np.array_equal(one.gray, other.gray.astype(np.uint16) * 257)
+
+
 def test_lines_stored_from_the_bottom_are_read_upright():
     folder = shared_folder("inputs")
     phantom = ClipReader.open(folder / "r17_phantom_7_frames.cine")
