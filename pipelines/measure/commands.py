@@ -675,7 +675,10 @@ def _require_something(measured: ClipMeasurement, path: Path) -> None:
     named = [(item, kinds_of(item.name)) for item in measured.quantities]
     own = [item for item, kinds in named if kind in kinds and len(kinds) < len(MotionKind)]
     said = [item.reason for item in own or measured.quantities if item.reason]
-    seen = [motion_seen(measured.tracks)] if kind is MotionKind.NONE else []
+    motion = measured.motion
+    none = MotionKind.NONE
+    of_none = motion.kind is none or (kind is none and not motion.is_doubtful)
+    seen = [motion_seen(measured.tracks)] if of_none else []
     reasons = dict.fromkeys([*seen, *said])
     # "it needs a strike, but …" repeats the cause
     causes = [one for one in reasons if not any(one.endswith(f", but {o}") for o in reasons)]

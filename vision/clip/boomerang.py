@@ -1,4 +1,4 @@
-"""Clips that show the same backwards from their middle on, as telephones make them."""
+"""Clips that show the same backwards from their middle on, as telephones can."""
 
 import cv2
 import numpy as np

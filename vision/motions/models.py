@@ -648,9 +648,15 @@ def _slowed(seen: Observations, share: FloatArray) -> FloatArray | None:
     def left(values: FloatArray) -> FloatArray:
         return _turned(powers @ values, seen.place)[0].ravel()
 
-    fitted = scipy.optimize.least_squares(left, start, loss="soft_l1", f_scale=3.0 * seen.noise)
-    return np.asarray(powers @ fitted.x)
+    free = np.full(_SLOWING, np.inf)
+    _, values = bounded_robust(
+        left, start, (-free, free), 3.0 * seen.noise, np.ones(_SLOWING), _ROUNDS
+    )
+    return np.asarray(powers @ values)
 
+
+_ROUNDS = 60
+"""Evaluations of a turn at most. Given by the budget: it settles in about ten."""
 
 _RATE_SHARE = 0.3
 """Of the rate between two rows in the rate that is carried on. Convention: of about six rows."""
