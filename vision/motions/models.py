@@ -643,7 +643,9 @@ def _slowed(seen: Observations, share: FloatArray) -> FloatArray | None:
     if abs(angle[-1] - angle[0]) < 4.0 * math.pi:
         return None
     powers = np.vander(share, _SLOWING + 1, increasing=True)[:, 1:]
-    start = np.polynomial.polynomial.polyfit(share, angle, _SLOWING)[1:]
+    start: FloatArray = np.asarray(
+        np.polynomial.polynomial.polyfit(share, angle, _SLOWING)[1:], dtype=np.float64
+    )
 
     def left(values: FloatArray) -> FloatArray:
         return _turned(powers @ values, seen.place)[0].ravel()
