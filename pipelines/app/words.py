@@ -240,11 +240,15 @@ _TEXTS: dict[str, tuple[str, str]] = {
         "Messung: {done} gemessen, {failed} misslungen, {running} in Arbeit, {waiting} warten",
     ),
     "trials": ("Lab book (CSV or XLSX)", "Laborbuch (CSV oder XLSX)"),
-    "paste": ("Paste the lab book from a spreadsheet", "Laborbuch aus einer Tabelle einfügen"),
-    "paste_here": (
-        "Cells with their headings: clip, and ball, backswing or session of each",
-        "Zellen mit Überschriften: clip, dazu ball, backswing oder session",
+    "paste": (
+        "Lab book as a sheet: type, or paste from a spreadsheet",
+        "Laborbuch als Tabelle: eintippen oder einfügen",
     ),
+    "paste_here": (
+        "Paste here; headings: clip, and ball, backswing or session of each",
+        "Hier einfügen; Überschriften: clip, dazu ball, backswing oder session",
+    ),
+    "cells": ("Cells of the lab book, to be edited", "Zellen des Laborbuchs zum Bearbeiten"),
     "paste_use": ("Use as lab book", "Als Laborbuch verwenden"),
     "measure_all": ("Measure all", "Alle messen"),
     "cor_axis": ("COR", "Stoßzahl"),

@@ -19,6 +19,7 @@ from pipelines.app.campaign import (
     Wanted,
 )
 from pipelines.app.graphs import SERIES_COLOURS
+from pipelines.app.pages.cells import show_cells
 from pipelines.app.pages.clip import copy_card
 from pipelines.app.pages.frame import heading
 from pipelines.app.words import Say, label_of, on_page
@@ -153,8 +154,11 @@ class FolderPage:
             button.props("unelevated dense data-test=measure-all")
         with ui.element("details").props("data-test=sheet"):
             heading("summary", say("paste")).classes("inline")
+            cells = ui.element("div").classes("w-full q-py-sm")
             sheet = ui.textarea(say("paste_here"), value=self.folder.sheet())
             sheet.props("dense outlined stack-label data-test=pasted").classes("w-full")
+            with cells:
+                show_cells(sheet, say)
             ui.button(say("paste_use"), on_click=lambda: self._try(paste)).props(
                 "outline dense data-test=paste"
             )

@@ -220,6 +220,35 @@ def test_a_pasted_sheet_becomes_the_lab_book_and_no_other_file_is_touched(tmp_pa
 
 
 @pytest.mark.slow
+def test_a_cell_of_the_sheet_is_edited_and_becomes_the_lab_book(
+    browser: Any, tmp_path: Path
+) -> None:
+    clips = tmp_path / "clips"
+    clips.mkdir()
+    for name in ("a.mp4", "b.mp4"):
+        (clips / name).write_bytes(b"none")
+    with running("app", str(clips), "--no-browser", "--language", "en", cwd=tmp_path) as program:
+        page = opened_plain(browser, program.address)
+        page.click("[data-test=sheet] summary")
+        page.dblclick("[data-test=cells] [row-index='1'] [col-id=c1]")
+        page.keyboard.type("jokku")
+        page.keyboard.press("Enter")
+        until(page, lambda: "b.mp4\tjokku" in page.input_value("[data-test=pasted]"))
+        page.click("[data-test=paste]")
+        until(page, lambda: page.input_value("[data-test=trials]") == "trials.csv")
+        book = read_lab_book(clips / "trials.csv")
+        assert [(one.clip, one.ball) for one in book.strikes] == [
+            ("a.mp4", None),
+            ("b.mp4", "jokku"),
+        ]
+        # what is pasted as text is shown in cells
+        page.fill("[data-test=pasted]", "clip;ball;session\na.mp4;blue;2")
+        until(page, lambda: page.inner_text("[data-test=cells] [col-id=c2].ag-cell") == "2")
+        page.set_viewport_size({"width": 390, "height": 800})
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+
+
+@pytest.mark.slow
 def test_a_sheet_is_pasted_in_a_browser(browser: Any, tmp_path: Path) -> None:
     clips = tmp_path / "clips"
     clips.mkdir()
