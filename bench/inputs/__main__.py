@@ -244,7 +244,7 @@ CASES = (
     Case(
         "r17 Phantom, 7 pictures",
         lambda _: measure_clip(_inputs() / "r17_phantom_7_frames.cine", measure_options(fps="600")),
-        "only 2 pictures",
+        "pictures, and 10 are needed",
     ),
     Case("explain, two quotes", _two_quotes, "line 5"),
     Case("--fps 300", _clip(lambda p, d: _inputs() / "base_strike.mkv", fps="300"), "--fps 600"),
